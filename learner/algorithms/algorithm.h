@@ -6,16 +6,15 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "learner/batch/collate.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/ranks/rank_group.h"
+#include "learner/step/update_stats.h"
 #include "policy_workers/device/snapshot.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
@@ -24,32 +23,17 @@
 
 namespace comrad::learn {
 
-/// What surrounds one update. Functions may be empty.
-struct UpdateContext {
-  double env_frames = 0;             ///< counted before this batch; places the learning-rate schedule
-  std::function<void()> after_step;  ///< called when an optimizer step made a new version
-  std::function<bool()>
-      begin_step;  ///< asked before every optimizer step but the first; false ends the update
-  std::function<bool()> keep_going;  ///< asked before every micro-batch; false abandons the step in hand
-};
-
-/// Numbers for a report by name, in the order they are written.
-using NamedNumbers = std::vector<std::pair<std::string, double>>;
-
-/// What one update did.
-struct UpdateStats {
-  int64_t optimizer_steps = 0;
-  int64_t skipped_steps = 0;  ///< non-finite loss or gradient, or no valid sample
-  int64_t rows_trained = 0;   ///< agent decisions times epochs that went forward and backward
-  bool abandoned = false;     ///< keep_going said no
-  LagStats lag;
-  NamedNumbers values;  ///< "train/policy_loss", ... of the last minibatch
-};
+class OnPolicyAlgorithm;
+class OffPolicyAlgorithm;
 
 /// One of the learning algorithms. Not thread-safe: the learner's training thread owns it.
 class Algorithm {
  public:
   virtual ~Algorithm() = default;
+
+  /// Which of the two it is; the other is null.
+  virtual OnPolicyAlgorithm* on_policy() { return nullptr; }
+  virtual OffPolicyAlgorithm* off_policy() { return nullptr; }
 
   /// Optimizer steps of the policy so far.
   virtual PolicyVersion version() const = 0;
@@ -79,6 +63,7 @@ class Algorithm {
 /// Learns from what its own policy just did: every batch once.
 class OnPolicyAlgorithm : public Algorithm {
  public:
+  OnPolicyAlgorithm* on_policy() override { return this; }
   /// Trains on one batch: num_epochs x num_batches_per_epoch optimizer steps. Masks, advantages and targets
   /// are written into `batch`. A step whose loss or gradient is not finite is skipped and counted. Errors:
   /// kBadInput when too many steps in a row were not finite; the weights are those of the last good step.
@@ -88,6 +73,7 @@ class OnPolicyAlgorithm : public Algorithm {
 /// Learns from a replay.
 class OffPolicyAlgorithm : public Algorithm {
  public:
+  OffPolicyAlgorithm* off_policy() override { return this; }
   /// New decisions have come in: their frames u8 [B, C, H, W], measurements f32 [B, M] and global states f32 [B / N, S]
   /// enter the running input statistics, once. What is not looked at may be undefined. All ranks observe together, each
   /// its own, of which a rank may have no rows.

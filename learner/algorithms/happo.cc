@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
-#include "learner/algorithms/ppo_loss.h"
 #include "learner/batch/masked.h"
+#include "learner/losses/ppo_loss.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/log.h"
@@ -32,7 +32,7 @@ std::vector<int64_t> Happo::agent_order() const {
   std::vector<int64_t> order(static_cast<std::size_t>(env_.num_agents));
   std::iota(order.begin(), order.end(), 0);
   if (config_.on_policy.happo_agent_order == AgentOrder::kFixed) return order;
-  Rng rng(RngKey(static_cast<uint64_t>(config_.run.seed)).split("agent_order").split(uint64_t{version_}));
+  Rng rng(RngKey(static_cast<uint64_t>(config_.run.seed)).split("agent_order").split(uint64_t{version()}));
   for (std::size_t i = order.size() - 1; i > 0; --i)
     std::swap(order[i], order[rng.below(static_cast<uint32_t>(i + 1))]);
   return order;
@@ -54,7 +54,7 @@ bool Happo::ended(PhaseEnd end, UpdateStats& stats) const {
 }
 
 Expected<Tensor> Happo::train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
-                                    UpdateStats& stats, LossSums& sums, bool& goes_on) {
+                                    UpdateStats& stats, TermValues& terms, bool& goes_on) {
   const RolloutBatch rows = agent_rows(batch, agent);
   Phase phase = phase_of(agent);
   // With one minibatch the first forward pass of training is that of the old policy on all rows.
@@ -63,13 +63,13 @@ Expected<Tensor> Happo::train_agent(const RolloutBatch& batch, int64_t agent, co
     phase.first_log_prob = &old_log_prob;
   else
     old_log_prob = evaluate(rows, phase).log_prob;
-  COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(rows, phase, context, stats, sums));
+  COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(rows, phase, context, stats, terms));
   goes_on = !ended(end, stats);
   return old_log_prob;
 }
 
 Expected<bool> Happo::train_critic(const RolloutBatch& batch, const UpdateContext& context,
-                                   UpdateStats& stats, LossSums& sums) {
+                                   UpdateStats& stats, TermValues& terms) {
   const Phase phase{.optimizer = optimizers_.back().second,
                     .forward =
                         [this](const policy::SequenceInput& input) {
@@ -78,7 +78,7 @@ Expected<bool> Happo::train_critic(const RolloutBatch& batch, const UpdateContex
                         },
                     .trains_policy = false,
                     .shuffle_key = static_cast<uint64_t>(env_.num_agents)};
-  COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(batch, phase, context, stats, sums));
+  COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(batch, phase, context, stats, terms));
   return !ended(end, stats);
 }
 
@@ -108,7 +108,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
   RolloutBatch rows = to_device(batch, device_);
   rows.advantage = rows.advantage.clone();             // on a CPU it would be the batch's own
   std::vector<std::pair<std::string, Tensor>> ratios;  // to be read with everything else
-  LossSums all;
+  TermValues all;
   double grad_norm = 0;
   Tensor factor = torch::ones({steps, worlds}, rows.advantage.options());  // M / A
   // An update that ends before its last phase reports no values: they would lack agents, or the critic.
@@ -117,20 +117,20 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
     return stats;
   };
   for (const int64_t agent : order) {
-    LossSums sums;
+    TermValues terms;
     bool goes_on = true;
     const RolloutBatch of_agent = agent_rows(rows, agent);
     const bool has_samples =
-        ranks_->add_up(std::vector<double>{static_cast<double>(count_of(of_agent.host_acting))}).front() > 0;
+        ranks().add_up(std::vector<double>{static_cast<double>(count_of(of_agent.host_acting))}).front() > 0;
     Tensor old_log_prob;
     if (has_samples) {
-      COMRAD_TRY_ASSIGN(old_log_prob, train_agent(rows, agent, context, stats, sums, goes_on));
+      COMRAD_TRY_ASSIGN(old_log_prob, train_agent(rows, agent, context, stats, terms, goes_on));
     }
     if (!goes_on) return cut_short();
     const std::string prefix = "happo/agent_" + std::to_string(agent);
-    all.add_policy(sums, 1.0 / static_cast<double>(agents));
+    all.add(terms, 1.0 / static_cast<double>(agents));
     grad_norm += last_grad_norm_ / static_cast<double>(agents);
-    put(prefix + "_policy_loss", sums.policy);
+    put(prefix + "_policy_loss", terms["policy_loss"]);
     put(prefix + "_grad_norm", last_grad_norm_);
     if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
     const Tensor new_log_prob = evaluate(of_agent, phase_of(agent)).log_prob;
@@ -138,15 +138,15 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
         happo_ratio(new_log_prob, old_log_prob, of_agent.acting(), config_.on_policy.happo_factor_clamp);
     factor.mul_(ratio);
     rows.advantage.view({steps, worlds, agents}).mul_(ratio.unsqueeze(2));
-    ratios.emplace_back(prefix + "_post_ratio_mean", ranks_->gather(ratio, 1).mean());
+    ratios.emplace_back(prefix + "_post_ratio_mean", ranks().gather(ratio, 1).mean());
   }
-  LossSums critic;
+  TermValues critic;
   COMRAD_TRY_ASSIGN(const bool critic_done, train_critic(rows, context, stats, critic));
   if (!critic_done || stats.optimizer_steps == 0) return cut_short();
-  all.take_value(critic);
+  all.add(critic, 1);
   const double critic_norm = last_grad_norm_;
   last_grad_norm_ = grad_norm;  // train/grad_norm is the mean over the actors
-  const Tensor factors = ranks_->gather(factor, 1);
+  const Tensor factors = ranks().gather(factor, 1);
   ratios.emplace_back("happo/factor_m_mean", factors.mean());
   ratios.emplace_back("happo/factor_m_max", factors.max());
   report(batch, all, stats, ratios);

@@ -44,9 +44,9 @@ class Happo final : public OnPolicy {
   /// The pieces of one update, for tests: what one agent's sub-update and the critic's phase change.
   /// `advantage` of the batch is M; returns log pi_i^old [T, worlds].
   Expected<Tensor> train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
-                               UpdateStats& stats, LossSums& sums, bool& goes_on);
+                               UpdateStats& stats, TermValues& terms, bool& goes_on);
   Expected<bool> train_critic(const RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats,
-                              LossSums& sums);
+                              TermValues& terms);
 
  private:
   Phase phase_of(int64_t agent);

@@ -11,7 +11,7 @@ Tensor Idqn::sample_valid(const ReplayBatch& batch) const {
   return batch.valid.bitwise_and(batch.agent_active.narrow(0, 0, batch.steps()));
 }
 
-QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
+SampleLoss Idqn::loss_of(const Scene& scene) const {
   const ReplayBatch& batch = scene.batch;
   const Tensor chosen = policy::chosen_entries(scene.online.now, batch.action, env_);  // [T, R, heads]
   Tensor target;

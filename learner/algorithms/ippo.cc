@@ -2,8 +2,8 @@
 
 #include <limits>
 
-#include "learner/algorithms/ppo_loss.h"
 #include "learner/estimators/vtrace.h"
+#include "learner/losses/ppo_loss.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
@@ -28,11 +28,11 @@ Expected<UpdateStats> Ippo::update(RolloutBatch& batch, const UpdateContext& con
   COMRAD_TRY_ASSIGN(const bool is_valid, begin_update(batch, context, stats));
   if (!is_valid) return stats;
   prepare_targets(batch);
-  LossSums sums;
+  TermValues terms;
   COMRAD_TRY_ASSIGN(const PhaseEnd end,
-                    train_phase(to_device(batch, device_), phase(), context, stats, sums));
+                    train_phase(to_device(batch, device_), phase(), context, stats, terms));
   stats.abandoned = end == PhaseEnd::kAbandoned;
-  if (stats.optimizer_steps > 0 && !stats.abandoned) report(batch, sums, stats);
+  if (stats.optimizer_steps > 0 && !stats.abandoned) report(batch, terms, stats);
   return stats;
 }
 
@@ -64,17 +64,17 @@ void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
                                     .rho_clip = config_.on_policy.vtrace_rho,
                                     .c_clip = config_.on_policy.vtrace_c,
                                     .legacy_timeouts = config_.optimisation.legacy_timeouts});
-  reported_advantage_ = ranks_->gather(result.advantage, 1);
-  reported_acting_ = ranks_->gather(minibatch.host_acting, 1);
+  reported_advantage_ = ranks().gather(result.advantage, 1);
+  reported_acting_ = ranks().gather(minibatch.host_acting, 1);
   minibatch.advantage = result.advantage.to(device_);
   minibatch.target = result.target.to(device_);
 }
 
-bool Ippo::accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, LossSums& sums) {
+bool Ippo::accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, TermValues& terms) {
   const Phase whole = phase();
   minibatch = to_device(minibatch, device_);
   whole.prepare(minibatch);
-  return accumulate(minibatch, whole, context, sums);
+  return accumulate(minibatch, whole, context, terms);
 }
 
 }  // namespace comrad::learn

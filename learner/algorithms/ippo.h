@@ -20,7 +20,7 @@ class Ippo : public OnPolicy {
 
   /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad. Makes
   /// `minibatch.advantage` (and under V-trace `target`) what the loss reads. False when keep_going() said no.
-  bool accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, LossSums& sums);
+  bool accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, TermValues& terms);
 
   /// Advantages and targets by V-trace with the network as it is now.
   void prepare_vtrace(RolloutBatch& minibatch);

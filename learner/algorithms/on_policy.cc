@@ -1,20 +1,20 @@
 #include "learner/algorithms/on_policy.h"
 
-#include <torch/csrc/autograd/autograd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
+#include <span>
 #include <utility>
 
-#include "learner/algorithms/gradient_sum.h"
 #include "learner/algorithms/lag_of_ranks.h"
-#include "learner/algorithms/micro_batches.h"
-#include "learner/algorithms/part_statistics.h"
-#include "learner/algorithms/ppo_loss.h"
 #include "learner/algorithms/progress.h"
 #include "learner/batch/masked.h"
 #include "learner/estimators/gae.h"
+#include "learner/losses/ppo_loss.h"
+#include "learner/report/part_statistics.h"
+#include "learner/report/terms_report.h"
+#include "learner/step/micro_batches.h"
 #include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/action_heads.h"
@@ -44,33 +44,41 @@ std::vector<double> read_together(const std::vector<Tensor>& numbers) {
   return {read.values(), read.values() + read.count()};
 }
 
+policy::SequenceInput input_of(const RolloutBatch& rows) {
+  return {.frame = rows.frame,
+          .measurement = rows.measurement,
+          .recurrent_state = rows.recurrent_state,
+          .reset = rows.reset,
+          .global_state = rows.global_state};
+}
+
 }  // namespace
 
-void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
-  policy += share * part.policy;
-  exploration += share * part.exploration;
-  kl_penalty += share * part.kl_penalty;
-  kl += share * part.kl;
-  kl_max = std::max(kl_max, part.kl_max);
-  entropy += share * part.entropy;
-  ratio += share * part.ratio;
-  ratio_min = std::min(ratio_min, part.ratio_min);
-  ratio_max = std::max(ratio_max, part.ratio_max);
-  clipped += share * part.clipped;
-  log_prob_max = std::max(log_prob_max, part.log_prob_max);
-  kl_first += share * part.kl_first;
-  clipped_first += share * part.clipped_first;
-  for (std::size_t head = 0; head < head_entropy.size(); ++head)
-    head_entropy[head] += share * part.head_entropy[head];
-}
+/// Rows and the phase that reads them.
+class OnPolicy::Input final : public StepInput {
+ public:
+  Input(const OnPolicy& owner, RolloutBatch rows, Phase phase)
+      : owner_(owner), rows_(std::move(rows)), phase_(std::move(phase)) {}
 
-void OnPolicy::LossSums::take_value(const LossSums& part) {
-  value = part.value;
-  predicted_value = part.predicted_value;
-  value_delta = part.value_delta;
-  value_delta_max = part.value_delta_max;
-  value_clipped = part.value_clipped;
-}
+  std::vector<MicroLoss> micro_losses() const override {
+    std::vector<MicroLoss> losses;
+    for (const RolloutBatch& micro : owner_.micro_batches(rows_))
+      losses.push_back([micro, forward = phase_.forward,
+                        options = PpoOptions::from(owner_.config_)](std::span<const Tensor> counts) {
+        return ppo_loss(forward(input_of(micro)), micro, counts, options);
+      });
+    return losses;
+  }
+  std::unique_ptr<StepInput> clone() const override { return std::make_unique<Input>(owner_, rows_, phase_); }
+  void visit(const std::function<void(Tensor&)>& visit) override { visit_device_fields(rows_, visit); }
+
+  Evaluation evaluate() const { return owner_.evaluate_now(rows_, phase_.forward); }
+
+ private:
+  const OnPolicy& owner_;
+  RolloutBatch rows_;
+  Phase phase_;
+};
 
 OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device device)
     : config_(config),
@@ -81,15 +89,15 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
                                      device)),
       schedule_(config),
       returns_(config.optimisation.returns_clip),
-      pool_(threads_for_parts(config, device)) {}
+      runner_(config, device) {}
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);
-  stats.lag = lag_of_ranks(apply_lag_filter(batch, version_, config_.collection.max_policy_lag),
-                           batch.valid.numel(), *ranks_);
+  stats.lag = lag_of_ranks(apply_lag_filter(batch, version(), config_.collection.max_policy_lag),
+                           batch.valid.numel(), ranks());
   ++updates_;
   if (stats.lag.valid_fraction == 0) {
-    COMRAD_TRY(guard_.skip_invalid_batch(stats.lag.dropped, stats));
+    COMRAD_TRY(runner_.skip_invalid_batch(stats.lag.dropped, stats));
     return false;
   }
   if (stats.lag.valid_fraction < 0.5)
@@ -99,23 +107,23 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
     torch::NoGradGuard no_grad;
     Tensor frame = frames_on(batch, device_).flatten(0, 1);
     Tensor measurement =
-        batch.measurement.defined() ? ranks_->gather(batch.measurement, 1).flatten(0, 1) : Tensor();
+        batch.measurement.defined() ? ranks().gather(batch.measurement, 1).flatten(0, 1) : Tensor();
     if (stats.lag.valid_fraction < 1) {
       frame = frame.index_select(0, positions_of(batch.valid).to(device_));
       if (measurement.defined())
-        measurement = measurement.index_select(0, positions_of(ranks_->gather(batch.valid, 1)));
+        measurement = measurement.index_select(0, positions_of(ranks().gather(batch.valid, 1)));
     }
-    policy::AddUp of_all_frames;  // the frames of other ranks are not fetched: their sums are
-    if (!ranks_->is_alone()) of_all_frames = [this](Tensor& sums) { ranks_->add_up(sums); };
-    net_.update_input_statistics(frame, measurement.defined() ? measurement.to(device_) : measurement,
-                                 of_all_frames);
+    net_.update_input_statistics(
+        frame, measurement.defined() ? measurement.to(device_) : measurement,
+        ranks().adder());  // the frames of other ranks are not fetched: their sums are
   }
   if (net_.options().global_state_count > 0) {
     const int64_t agents = batch.shape.env.num_agents;
     const Tensor valid = batch.valid.view({batch.steps(), batch.slab_count, agents}).amax(2);
-    net_.update_state_statistics(ranks_->gather(batch.global_state, 1)
+    net_.update_state_statistics(ranks()
+                                     .gather(batch.global_state, 1)
                                      .flatten(0, 1)
-                                     .index_select(0, positions_of(ranks_->gather(valid, 1)))
+                                     .index_select(0, positions_of(ranks().gather(valid, 1)))
                                      .to(device_));
   }
   return true;
@@ -139,11 +147,11 @@ void OnPolicy::prepare_targets(RolloutBatch& batch) {
                                  .legacy_timeouts = config_.optimisation.legacy_timeouts});
   batch.advantage = batch.raw_advantage = result.advantage;
   batch.target = result.target;
-  reported_advantage_ = ranks_->gather(result.advantage, 1);
-  reported_acting_ = ranks_->gather(batch.acting(), 1);
-  const Tensor target = ranks_->gather(result.target, 1), valid = ranks_->gather(batch.valid, 1);
+  reported_advantage_ = ranks().gather(result.advantage, 1);
+  reported_acting_ = ranks().gather(batch.acting(), 1);
+  const Tensor target = ranks().gather(result.target, 1), valid = ranks().gather(batch.valid, 1);
   explained_variance_ =
-      explained_variance(target, ranks_->gather(value.narrow(0, 0, batch.steps()), 1), valid);
+      explained_variance(target, ranks().gather(value.narrow(0, 0, batch.steps()), 1), valid);
   if (!config_.optimisation.normalize_returns) return;
   if (!returns_.update(target, valid)) spdlog::warn("update: returns are not finite; statistics kept");
   batch.target = returns_.normalize(result.target);
@@ -152,8 +160,9 @@ void OnPolicy::prepare_targets(RolloutBatch& batch) {
 
 Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, const Phase& phase,
                                                    const UpdateContext& context, UpdateStats& stats,
-                                                   LossSums& sums) {
-  if (!batch.host_valid.defined()) return train_phase(to_device(batch, device_), phase, context, stats, sums);
+                                                   TermValues& terms) {
+  if (!batch.host_valid.defined())
+    return train_phase(to_device(batch, device_), phase, context, stats, terms);
   const int64_t agents = batch.shape.env.num_agents;
   std::vector<int64_t> order(static_cast<std::size_t>(batch.slab_count));
   std::iota(order.begin(), order.end(), 0);
@@ -168,25 +177,29 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
   double actor_loss = 0, kl = 0;
   int64_t trained = 0;
   bool is_first = true, is_first_settled = false;
-  std::deque<Step> given;
+  std::deque<Pending> given;
   const auto settle_steps = [&](bool waits) -> Status {
-    while (!given.empty() && (waits || given.front().read.is_ready())) {
-      const bool has_policy = given.front().has_policy;
-      const std::optional<LossSums> of_step = settle(given, stats);
-      COMRAD_TRY(guard_.status());
-      if (!of_step) {
+    while (!given.empty() && (waits || given.front().step.read.is_ready())) {
+      Pending pending = std::move(given.front());
+      given.pop_front();
+      const StepOutcome outcome = runner_.settle(pending.step, stats);
+      last_grad_norm_ = runner_.grad_norm();
+      COMRAD_TRY(runner_.status());
+      if (!outcome.was_taken) {
         is_first_settled = true;
         continue;
       }
-      if (!std::exchange(is_first_settled, true)) kl_first = of_step->kl, clipped_first = of_step->clipped;
-      sums = *of_step;
-      sums.kl_first = kl_first;
-      sums.clipped_first = clipped_first;
-      actor_loss += of_step->actor();
-      kl += of_step->kl;
-      if (!has_policy) continue;  // of dead agents alone: its KL is no news
+      terms = outcome.terms;
+      const double kl_of_step = terms["kl_divergence"];
+      if (!std::exchange(is_first_settled, true))
+        kl_first = kl_of_step, clipped_first = terms["fraction_clipped"];
+      terms.set("kl_first", kl_first);
+      terms.set("fraction_clipped_first", clipped_first);
+      actor_loss += terms.loss() - terms["value_loss"];
+      kl += kl_of_step;
+      if (!pending.has_policy) continue;  // of dead agents alone: its KL is no news
       ++trained;
-      if (phase.trains_policy) schedule_.after_minibatch(of_step->kl);
+      if (phase.trains_policy) schedule_.after_minibatch(kl_of_step);
     }
     return {};
   };
@@ -202,11 +215,11 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
           config_.optimisation.shuffle_minibatches && parts > 1
               ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
               : narrow_rows(batch, begin * agents, (end - begin) * agents);
-      if (stats.optimizer_steps > 0 && !ranks_->all(!context.begin_step || context.begin_step())) {
+      if (stats.optimizer_steps > 0 && !ranks().all(!context.begin_step || context.begin_step())) {
         COMRAD_TRY(settle_steps(/*waits=*/true));
         return PhaseEnd::kStopped;
       }
-      const PolicyVersion version_before = version_;
+      const PolicyVersion version_before = version();
       const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, given);
       is_first = false;
       if (result == StepResult::kAbandoned || result == StepResult::kKlReached) {
@@ -215,7 +228,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
       }
       if (result == StepResult::kSkipped) is_first_settled = true;
       COMRAD_TRY(settle_steps(/*waits=*/schedule_.follows_minibatches()));
-      if (version_ != version_before && context.after_step) context.after_step();
+      if (version() != version_before && context.after_step) context.after_step();
     }
     if (epoch + 1 == epochs && !schedule_.follows_epochs()) break;
     COMRAD_TRY(settle_steps(/*waits=*/true));
@@ -231,7 +244,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
 
 OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Phase& phase,
                                                const UpdateContext& context, bool is_first,
-                                               UpdateStats& stats, std::deque<Step>& given) {
+                                               UpdateStats& stats, std::deque<Pending>& given) {
   const SampleTotals totals = totals_of(minibatch);
   const bool has_policy = phase.trains_policy && totals.acting > 0;
   // Without anything to learn Adam's momentum would still move the weights.
@@ -241,87 +254,36 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
   }
   const device::StepScope nothing_waits;
   if (phase.prepare) phase.prepare(minibatch);
-  Phase pass = phase;
-  if (!is_first) pass.first_log_prob = nullptr;
-  const double valid_fraction = totals.valid / totals.places;
-  Step step{.numbers = {},
-            .read = {},
-            .has_policy = has_policy,
-            .learning_rate = schedule_.learning_rate() * valid_fraction};
-  // A look at the KL between gradient and step is for the host, and so is what ranks say to each other.
-  const bool is_recorded =
-      !device::has_own_kernels(device_) && config_.on_policy.early_stop_kl <= 0 && ranks_->is_alone();
-  if (is_recorded) {
-    if (context.keep_going && !context.keep_going()) return StepResult::kAbandoned;
-    stats.rows_trained += minibatch.steps() * minibatch.rows();
-    guard_.count_step(version_, stats);
-    give_recorded(minibatch, pass, totals, step);
-    given.push_back(std::move(step));
-    return StepResult::kGiven;
-  }
-  phase.optimizer.zero_grad();
-  if (!add_gradient(minibatch, pass, SampleCounts::of(totals), context.keep_going, step.numbers,
-                    pass.first_log_prob))
-    return StepResult::kAbandoned;
-  stats.rows_trained += minibatch.steps() * minibatch.rows();
-
+  Input input(*this, minibatch, phase);
+  const bool keeps_log_prob = is_first && phase.first_log_prob != nullptr;
   // Not before the first step: lag alone must not cost a whole batch.
-  if (phase.trains_policy && !is_first && config_.on_policy.early_stop_kl > 0) {
-    device::Readback read(at::cat(step.numbers.of_parts).to(torch::kFloat64));
-    read.wait();
-    if (step.numbers.sums(read.values()).kl > config_.on_policy.early_stop_kl) return StepResult::kKlReached;
-  }
-
-  const Tensor outcome = guard_.step(phase.optimizer, step.numbers.loss, step.learning_rate, version_, stats);
-  std::vector<Tensor> numbers = step.numbers.of_parts;
-  numbers.push_back(outcome);
-  step.read = device::Readback(at::cat(numbers).to(torch::kFloat64));
-  given.push_back(std::move(step));
+  const bool watches_kl = phase.trains_policy && !is_first && config_.on_policy.early_stop_kl > 0;
+  std::function<bool(const TermValues&)> is_wanted;
+  if (watches_kl)
+    is_wanted = [this](const TermValues& terms) {
+      return terms["kl_divergence"] <= config_.on_policy.early_stop_kl;
+    };
+  Pending pending{.step = {}, .has_policy = has_policy};
+  const StepRunner::Result result =
+      runner_.give({.optimizer = phase.optimizer,
+                    .input = input,
+                    .divisors = {std::max(1.0, totals.valid), std::max(1.0, totals.acting)},
+                    .learning_rate = schedule_.learning_rate() * (totals.valid / totals.places),
+                    .keeps = keeps_log_prob,
+                    .keep_going = context.keep_going,
+                    .is_wanted = is_wanted},
+                   stats, pending.step);
+  if (result == StepRunner::Result::kAbandoned) return StepResult::kAbandoned;
+  stats.rows_trained += minibatch.steps() * minibatch.rows();
+  if (result == StepRunner::Result::kRefused) return StepResult::kKlReached;
+  if (keeps_log_prob) *phase.first_log_prob = at::cat(pending.step.terms.kept, 1);
+  given.push_back(std::move(pending));
   return StepResult::kGiven;
-}
-
-std::optional<OnPolicy::LossSums> OnPolicy::settle(std::deque<Step>& given, UpdateStats& stats) {
-  Step step = std::move(given.front());
-  given.pop_front();
-  if (!step.read.is_ready()) step.read.wait();
-  const double* outcome = step.read.values() + step.read.count() - 2;
-  LossSums sums = step.numbers.sums(step.read.values());
-  sums.has_policy = step.has_policy;
-  guard_.settle({.was_taken = outcome[0] != 0,
-                 .grad_norm = outcome[1],
-                 .loss = sums.total(),
-                 .learning_rate = step.learning_rate},
-                version_, stats);
-  last_grad_norm_ = guard_.grad_norm();
-  if (outcome[0] == 0) return std::nullopt;
-  return sums;
-}
-
-OnPolicy::LossSums OnPolicy::Numbers::sums(const double* values) const {
-  LossSums sums;
-  for (std::size_t part = 0; part < of_parts.size(); ++part)
-    for (const Number& place : places) {
-      double& sum =
-          place.head < 0 ? sums.*place.sum : sums.head_entropy[static_cast<std::size_t>(place.head)];
-      const double number = *values++;
-      sum = place.how == Number::kAdd   ? sum + number
-            : place.how == Number::kMax ? std::max(sum, number)
-                                        : std::min(sum, number);
-    }
-  return sums;
-}
-
-policy::SequenceInput OnPolicy::input_of(const RolloutBatch& rows) const {
-  return {.frame = rows.frame,
-          .measurement = rows.measurement,
-          .recurrent_state = rows.recurrent_state,
-          .reset = rows.reset,
-          .global_state = rows.global_state};
 }
 
 std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) const {
   const int64_t agents = batch.shape.env.num_agents;
-  const int64_t whole_worlds = batch.rows() / agents, threads = pool_.threads();
+  const int64_t whole_worlds = batch.rows() / agents, threads = runner_.pool().threads();
   const int64_t shared_out = (whole_worlds + threads - 1) / threads * agents;
   const int64_t fitting = samples_of_part(config_, device_) / batch.steps() / agents * agents;
   const int64_t rows_max = std::max(agents, std::min(fitting, shared_out));
@@ -331,244 +293,38 @@ std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) con
   return micros;
 }
 
-OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
-                                 const SampleCounts& counts) const {
-  Part part;
-  const ExplorationLoss exploration_kind = config_.on_policy.exploration_loss;
-  const double clip_high = 1.0 + config_.on_policy.ppo_clip_ratio, clip_low = 1.0 / clip_high;
-  const Tensor valid = micro.valid.to(torch::kBool);
-  const Tensor acting = micro.acting().to(torch::kBool);
-  const Tensor weight = acting.to(torch::kFloat32) / counts.acting;
-  const Tensor value_weight = valid.to(torch::kFloat32) / counts.valid;
-  const policy::SequenceOutput output = phase.forward(input_of(micro));
-  const Tensor zero = torch::zeros({}, weight.options());
-
-  std::vector<Tensor> numbers;
-  using Sum = double LossSums::*;
-  const auto add = [&](Sum sum, const Tensor& number) {
-    part.places.push_back({.sum = sum});
-    numbers.push_back(number.detach());
-  };
-  const auto add_mean = [&](Sum sum, const Tensor& of_samples) { add(sum, (of_samples * weight).sum()); };
-  const auto add_value_mean = [&](Sum sum, const Tensor& of_samples) {
-    add(sum, (of_samples * value_weight).sum());
-  };
-  const auto add_extreme = [&](Sum sum, const Tensor& of_samples, const Tensor& counted,
-                               const Tensor& otherwise, bool is_max) {
-    const Tensor samples = torch::where(counted, of_samples.detach(), otherwise);
-    part.places.push_back({.sum = sum, .how = is_max ? Number::kMax : Number::kMin});
-    numbers.push_back(is_max ? samples.max() : samples.min());
-  };
-
-  Tensor loss = zero;
-  Tensor log_probs, log_prob, ratio, kl, mask;
-  const auto divergence = [&] {
-    return policy::kl_divergence(log_probs, policy::head_log_probs(micro.logits, mask, env_), env_);
-  };
-  if (output.logits.defined()) {
-    mask = micro.mask_or_undefined();
-    log_probs = policy::head_log_probs(output.logits, mask, env_);
-    log_prob = policy::action_log_prob(log_probs, micro.action, env_);
-    ratio = importance_ratio(log_prob, micro.log_prob);
-    const Tensor policy_loss =
-        -(clipped_objective(ratio, micro.advantage, config_.on_policy.ppo_clip_ratio) * weight).sum();
-    loss = loss + policy_loss;
-    add(&LossSums::policy, policy_loss);
-    if (exploration_kind != ExplorationLoss::kNone) {
-      const Tensor exploration = config_.on_policy.exploration_loss_coeff *
-                                 (exploration_loss(log_probs, mask, env_, exploration_kind) * weight).sum();
-      loss = loss + exploration;
-      add(&LossSums::exploration, exploration);
-    }
-    if (config_.on_policy.kl_loss_coeff != 0) {
-      kl = divergence();
-      const Tensor penalty = config_.on_policy.kl_loss_coeff * (kl * weight).sum();
-      loss = loss + penalty;
-      add(&LossSums::kl_penalty, penalty);
-    }
-  }
-  Tensor old_value;
-  if (output.value.defined()) {
-    old_value = micro.value.narrow(0, 0, micro.steps());
-    const Tensor target = micro.target;
-    const Tensor of_samples =
-        clipped_value_loss(output.value, old_value, target, config_.on_policy.ppo_clip_value);
-    const Tensor value_loss = config_.on_policy.value_loss_coeff * (of_samples * value_weight).sum();
-    loss = loss + value_loss;
-    add(&LossSums::value, value_loss);
-    add_value_mean(&LossSums::value_clipped,
-                   (of_samples.detach() > (output.value.detach() - target).square()).to(torch::kFloat32));
-  }
-  part.gradients = torch::autograd::grad({loss}, phase.optimizer.parameters(), /*grad_outputs=*/{},
-                                         /*retain_graph=*/c10::nullopt, /*create_graph=*/false,
-                                         /*allow_unused=*/true);
-
-  torch::NoGradGuard no_grad;
-  if (log_prob.defined()) {
-    if (phase.first_log_prob != nullptr) part.log_prob = log_prob.detach();
-    if (!kl.defined()) kl = divergence();
-    add_mean(&LossSums::kl, kl);
-    add_extreme(&LossSums::kl_max, kl, acting, zero, true);
-    const Tensor head_entropy = policy::head_entropies(log_probs, env_);
-    add_mean(&LossSums::entropy, head_entropy.sum(-1));
-    for (int64_t head = 0; head < env_.head_count; ++head) {
-      part.places.push_back({.sum = nullptr, .head = static_cast<int>(head)});
-      numbers.push_back((head_entropy.select(-1, head) * weight).sum());
-    }
-    add_mean(&LossSums::ratio, ratio);
-    add_extreme(&LossSums::ratio_min, ratio, acting, zero + 1, false);
-    add_extreme(&LossSums::ratio_max, ratio, acting, zero + 1, true);
-    add_mean(&LossSums::clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
-    add_extreme(&LossSums::log_prob_max, log_prob.abs(), acting, zero, true);
-  }
-  if (output.value.defined()) {
-    const Tensor value_delta = (output.value - old_value).abs();
-    add_value_mean(&LossSums::predicted_value, output.value);
-    add_value_mean(&LossSums::value_delta, value_delta);
-    add_extreme(&LossSums::value_delta_max, value_delta, valid, zero, true);
-  }
-  part.loss = loss.detach();
-  part.numbers = torch::stack(numbers);
-  return part;
-}
-
 OnPolicy::SampleTotals OnPolicy::totals_of(const RolloutBatch& minibatch) {
-  const std::vector<double> totals = ranks_->add_up({static_cast<double>(count_of(minibatch.host_valid)),
+  const std::vector<double> totals = ranks().add_up({static_cast<double>(count_of(minibatch.host_valid)),
                                                      static_cast<double>(count_of(minibatch.host_acting)),
                                                      static_cast<double>(minibatch.valid.numel())});
   return {.valid = totals[0], .acting = totals[1], .places = totals[2]};
 }
 
-OnPolicy::SampleCounts OnPolicy::SampleCounts::of(const SampleTotals& totals) {
-  const auto at_least_one = [](double count) {
-    return torch::full({}, std::max(1.0, count), torch::kFloat64);
-  };
-  return {.valid = at_least_one(totals.valid), .acting = at_least_one(totals.acting)};
-}
-
 Tensor OnPolicy::standardized(const Tensor& advantage, const Tensor& acting) {
-  if (ranks_->is_alone()) return standardize(advantage, acting);
-  const Tensor of_all = standardize(ranks_->gather(advantage, 1), ranks_->gather(acting, 1));
-  return of_all.narrow(1, ranks_->rank() * advantage.size(1), advantage.size(1));
-}
-
-OnPolicy::Recorded::Recorded(const RolloutBatch& like, const Phase& phase)
-    : optimizer(&phase.optimizer), keeps_log_prob(phase.first_log_prob != nullptr), minibatch(like) {
-  visit_device_fields(minibatch, [](Tensor& field) { field = torch::empty_like(field); });
-}
-
-bool OnPolicy::Recorded::fits(const RolloutBatch& other, const Phase& phase) const {
-  return optimizer == &phase.optimizer && keeps_log_prob == (phase.first_log_prob != nullptr) &&
-         minibatch.rows() == other.rows() && minibatch.has_action_mask == other.has_action_mask;
-}
-
-void OnPolicy::Recorded::read(const RolloutBatch& other) {
-  const torch::NoGradGuard no_grad;
-  RolloutBatch from = other;
-  std::vector<Tensor> fields;
-  visit_device_fields(from, [&](Tensor& field) { fields.push_back(field); });
-  visit_device_fields(minibatch, [&, next = std::size_t{0}](Tensor& field) mutable {
-    field.copy_(fields[next++], /*non_blocking=*/true);
-  });
-}
-
-OnPolicy::RecordedStep& OnPolicy::recorded_step(const RolloutBatch& minibatch, const Phase& phase) {
-  for (const auto& made : recorded_steps_)
-    if (made->fits(minibatch, phase)) return *made;
-  RecordedStep& made = *recorded_steps_.emplace_back(std::make_unique<RecordedStep>(minibatch, phase));
-  made.settings = torch::empty({3}, torch::TensorOptions(torch::kFloat64).device(device_));
-  made.graph.record_at_second_replay(device_, [this, &made, phase] {
-    phase.optimizer.zero_grad();
-    made.numbers = {};
-    const SampleCounts counts{.valid = made.settings[0], .acting = made.settings[1]};
-    (void)add_gradient(made.minibatch, phase, counts, {}, made.numbers,
-                       made.keeps_log_prob ? &made.log_prob : nullptr);
-    std::vector<Tensor> numbers = made.numbers.of_parts;
-    numbers.push_back(phase.optimizer.step(made.settings[2], made.numbers.loss));
-    made.outcome = at::cat(numbers).to(torch::kFloat64);
-  });
-  return made;
-}
-
-void OnPolicy::give_recorded(const RolloutBatch& minibatch, const Phase& phase, const SampleTotals& totals,
-                             Step& step) {
-  RecordedStep& recorded = recorded_step(minibatch, phase);
-  recorded.read(minibatch);
-  {
-    torch::NoGradGuard no_grad;
-    const SampleCounts counts = SampleCounts::of(totals);
-    const Tensor settings = device::host_memory({3}, torch::kFloat64, device_);
-    settings[0].copy_(counts.valid);
-    settings[1].copy_(counts.acting);
-    settings[2].fill_(step.learning_rate);
-    recorded.settings.copy_(settings, /*non_blocking=*/true);
-  }
-  recorded.graph.replay();
-  step.numbers = recorded.numbers;
-  step.read = device::Readback(recorded.outcome);
-  if (phase.first_log_prob != nullptr) *phase.first_log_prob = recorded.log_prob.clone();
-}
-
-bool OnPolicy::add_gradient(const RolloutBatch& minibatch, const Phase& phase, const SampleCounts& counts,
-                            const std::function<bool()>& keep_going, Numbers& numbers,
-                            Tensor* first_log_prob) {
-  // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
-  // gradient does not depend on micro_batch_size.
-  const std::vector<RolloutBatch> micros = micro_batches(minibatch);
-  std::vector<Tensor> log_probs;
-  const bool is_done = sum_gradients<Part>(
-      pool_, phase.optimizer.parameters(), static_cast<int64_t>(micros.size()),
-      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, counts); },
-      [&](const Part& part) {
-        numbers.places = part.places;
-        numbers.of_parts.push_back(part.numbers);
-        numbers.loss = numbers.loss.defined() ? numbers.loss + part.loss : part.loss;
-        if (first_log_prob != nullptr) log_probs.push_back(part.log_prob);
-      },
-      keep_going);
-  if (!is_done) return false;
-  if (first_log_prob != nullptr) *first_log_prob = at::cat(log_probs, 1);
-  if (ranks_->is_alone()) return true;
-  ranks_->add_up_gradients(phase.optimizer.parameters());
-  Tensor losses = numbers.loss.reshape({1});
-  const Tensor of_parts = ranks_->gather(torch::stack(numbers.of_parts), 0);
-  losses = ranks_->gather(losses, 0);
-  if (ranks_->failure()) return false;
-  numbers.of_parts = of_parts.unbind(0);
-  numbers.loss = losses.sum();
-  return true;
+  const Tensor of_all = standardize(ranks().gather(advantage, 1), ranks().gather(acting, 1));
+  return of_all.narrow(1, ranks().rank() * advantage.size(1), advantage.size(1));
 }
 
 bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
-                          LossSums& sums) {
-  Numbers numbers;
-  if (!add_gradient(minibatch, phase, SampleCounts::of(totals_of(minibatch)), context.keep_going, numbers,
-                    phase.first_log_prob))
-    return false;
-  device::Readback read(at::cat(numbers.of_parts).to(torch::kFloat64));
-  read.wait();
-  sums = numbers.sums(read.values());
-  return true;
+                          TermValues& terms) {
+  const SampleTotals totals = totals_of(minibatch);
+  Input input(*this, minibatch, phase);
+  const std::optional<StepOutcome> outcome =
+      runner_.gradient_of({.optimizer = phase.optimizer,
+                           .input = input,
+                           .divisors = {std::max(1.0, totals.valid), std::max(1.0, totals.acting)},
+                           .keep_going = context.keep_going});
+  if (outcome) terms = outcome->terms;
+  return outcome.has_value();
 }
 
 OnPolicy::Evaluation OnPolicy::evaluate(const RolloutBatch& batch, const Phase& phase) {
-  if (device::has_own_kernels(device_)) return evaluate_now(batch, phase.forward);
-  RecordedEvaluation& recorded = recorded_evaluation(batch, phase);
-  recorded.read(batch);
-  recorded.graph.replay();
-  const auto copy_of = [](const Tensor& result) { return result.defined() ? result.clone() : result; };
-  return {.log_prob = copy_of(recorded.result.log_prob), .value = copy_of(recorded.result.value)};
-}
-
-OnPolicy::RecordedEvaluation& OnPolicy::recorded_evaluation(const RolloutBatch& batch, const Phase& phase) {
-  for (const auto& made : recorded_evaluations_)
-    if (made->fits(batch, phase)) return *made;
-  RecordedEvaluation& made =
-      *recorded_evaluations_.emplace_back(std::make_unique<RecordedEvaluation>(batch, phase));
-  made.graph.record_at_second_replay(device_, [this, &made, forward = phase.forward] {
-    made.result = evaluate_now(made.minibatch, forward);
+  Input input(*this, batch, phase);
+  const std::vector<Tensor> said = runner_.evaluate(input, &phase.optimizer, [](const StepInput& rows) {
+    const Evaluation evaluation = static_cast<const Input&>(rows).evaluate();
+    return std::vector{evaluation.log_prob, evaluation.value};
   });
-  return made;
+  return {.log_prob = said[0], .value = said[1]};
 }
 
 OnPolicy::Evaluation OnPolicy::evaluate_now(const RolloutBatch& batch, const Forward& forward) const {
@@ -585,7 +341,7 @@ OnPolicy::Evaluation OnPolicy::evaluate_now(const RolloutBatch& batch, const For
     }
     if (output.value.defined()) part.value = output.value;
   };
-  (void)pool_.run(static_cast<int64_t>(parts.size()), work, nullptr);
+  (void)runner_.pool().run(static_cast<int64_t>(parts.size()), work, nullptr);
   std::vector<Tensor> log_probs, values;
   for (const Evaluation& part : parts) {
     if (part.log_prob.defined()) log_probs.push_back(part.log_prob);
@@ -595,34 +351,14 @@ OnPolicy::Evaluation OnPolicy::evaluate_now(const RolloutBatch& batch, const For
           values.empty() ? Tensor() : at::cat(values, 1).contiguous()};
 }
 
-void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats,
+void OnPolicy::report(const RolloutBatch& batch, const TermValues& terms, UpdateStats& stats,
                       const std::vector<std::pair<std::string, Tensor>>& more) const {
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
-  put("train/actual_lr", guard_.learning_rate());
-  put("train/loss", sums.total());
-  put("train/policy_loss", sums.policy);
-  put("train/value_loss", sums.value);
-  put("train/exploration_loss", sums.exploration);
-  put("train/kl_loss", sums.kl_penalty);
-  put("train/kl_divergence", sums.kl);
-  put("train/kl_divergence_max", sums.kl_max);
-  put("train/kl_first", sums.kl_first);
-  put("train/entropy", sums.entropy);
-  for (int32_t head = 0; head < env_.head_count; ++head)
-    put(("train/entropy_head_" + std::to_string(head)).c_str(),
-        sums.head_entropy[static_cast<std::size_t>(head)]);
-  put("train/value", sums.predicted_value);
-  put("train/value_delta", sums.value_delta);
-  put("train/value_delta_max", sums.value_delta_max);
-  put("train/value_clip_fraction", sums.value_clipped);
+  put("train/actual_lr", runner_.learning_rate());
+  put("train/loss", terms.loss());
+  append_terms(terms, stats.values);
   put("train/explained_variance", explained_variance_);
-  put("train/ratio_mean", sums.ratio);
-  put("train/ratio_min", sums.ratio_min);
-  put("train/ratio_max", sums.ratio_max);
-  put("train/fraction_clipped", sums.clipped);
-  put("train/fraction_clipped_first", sums.clipped_first);
-  put("train/max_abs_logprob", sums.log_prob_max);
   put("train/grad_norm", last_grad_norm_);
 
   const Spread advantage = spread_of(reported_advantage_, reported_acting_);
@@ -632,7 +368,7 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
     put("train/adv_max", advantage.max);
     put("train/adv_std", std::sqrt(advantage.variance(/*unbiased=*/true)));
   }
-  const Spread action = spread_of(ranks_->gather(batch.action, 1), ranks_->gather(batch.acting(), 1));
+  const Spread action = spread_of(ranks().gather(batch.action, 1), ranks().gather(batch.acting(), 1));
   if (action.count > 0) {
     put("train/act_min", action.min);
     put("train/act_max", action.max);
@@ -640,7 +376,7 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/same_policy_fraction",
       1);  // a run trains one policy; dashboards of Sample Factory's runs ask for it
-  put("train/num_sgd_steps", static_cast<double>(version_));
+  put("train/num_sgd_steps", static_cast<double>(version()));
   put("train/version_diff_avg", stats.lag.mean);
   put("train/version_diff_min", static_cast<double>(stats.lag.min));
   put("train/version_diff_max", static_cast<double>(stats.lag.max));
@@ -665,7 +401,7 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
 }
 
 Status OnPolicy::learn_with(RankGroup& ranks) {
-  ranks_ = &ranks;
+  runner_.learn_with(ranks);
   return {};
 }
 
@@ -677,7 +413,7 @@ void OnPolicy::append_diagnostics(NamedNumbers& values) const {
 }
 
 void OnPolicy::save(StateDict& state) const {
-  Progress{version_, updates_}.save(state, config_.run.algo.name(), net_.options().global_state_count);
+  Progress{version(), updates_}.save(state, config_.run.algo.name(), net_.options().global_state_count);
   for (const auto& [name, tensor] : net_.named_state()) state.put("network/" + name, tensor);
   for (const auto& [prefix, optimizer] : optimizers_) optimizer.save(state, "optimizer", prefix);
   state.put("normalizer/returns_mean", returns_.statistics().mean);
@@ -687,7 +423,6 @@ void OnPolicy::save(StateDict& state) const {
 }
 
 Status OnPolicy::load(const StateDict& state) {
-  recorded_steps_.clear(), recorded_evaluations_.clear();  // moments may move
   COMRAD_TRY_ASSIGN(const Progress progress,
                     Progress::load(state, config_.run.algo.name(), net_.options().global_state_count));
   ReturnNormalizer::Statistics statistics;
@@ -709,7 +444,7 @@ Status OnPolicy::load(const StateDict& state) {
   net_.state_changed();
   for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));
   COMRAD_TRY(schedule_.load(state));
-  version_ = progress.version;
+  runner_.resume(progress.version);
   updates_ = progress.updates;
   returns_.restore(statistics);
   return {};

@@ -1,18 +1,17 @@
 #include "learner/algorithms/q_learning.h"
 
-#include <torch/csrc/autograd/autograd.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <optional>
 #include <utility>
 
-#include "learner/algorithms/gradient_sum.h"
-#include "learner/algorithms/micro_batches.h"
-#include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/progress.h"
 #include "learner/batch/masked.h"
 #include "learner/estimators/td_targets.h"
+#include "learner/report/part_statistics.h"
+#include "learner/report/terms_report.h"
+#include "learner/step/micro_batches.h"
 #include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/readback.h"
@@ -97,31 +96,29 @@ void round_up_cuts(ReplayBatch& batch) {
   }
 }
 
-using LossSums = QLearning::LossSums;
-enum class How { kAdd, kMax, kMin };
-/// What a micro-batch says, and how micro-batches come together.
-constexpr std::pair<double LossSums::*, How> kNumbers[] = {{&LossSums::loss, How::kAdd},
-                                                           {&LossSums::regularizer, How::kAdd},
-                                                           {&LossSums::td, How::kAdd},
-                                                           {&LossSums::predicted, How::kAdd},
-                                                           {&LossSums::predicted_max, How::kMax},
-                                                           {&LossSums::predicted_min, How::kMin},
-                                                           {&LossSums::target, How::kAdd},
-                                                           {&LossSums::target_max, How::kMax},
-                                                           {&LossSums::utility, How::kAdd},
-                                                           {&LossSums::utility_max, How::kMax},
-                                                           {&LossSums::utility_min, How::kMin},
-                                                           {&LossSums::spread, How::kAdd},
-                                                           {&LossSums::terminated, How::kAdd},
-                                                           {&LossSums::truncated, How::kAdd},
-                                                           {&LossSums::head_entropy, How::kAdd},
-                                                           {&LossSums::mixer_gain, How::kAdd},
-                                                           {&LossSums::state_rms, How::kAdd},
-                                                           {&LossSums::target_square, How::kAdd},
-                                                           {&LossSums::unclamped, How::kAdd},
-                                                           {&LossSums::clipped, How::kAdd}};
-
 }  // namespace
+
+/// The micro-batches of one batch.
+class QLearning::Input final : public StepInput {
+ public:
+  Input(const QLearning& owner, std::vector<Micro> micros) : owner_(owner), micros_(std::move(micros)) {}
+
+  std::vector<MicroLoss> micro_losses() const override {
+    std::vector<MicroLoss> losses;
+    for (const Micro& micro : micros_)
+      losses.push_back(
+          [this, &micro](std::span<const Tensor> divisors) { return owner_.loss_of_micro(micro, divisors); });
+    return losses;
+  }
+  std::unique_ptr<StepInput> clone() const override { return std::make_unique<Input>(owner_, micros_); }
+  void visit(const std::function<void(Tensor&)>& visit) override {
+    for (Micro& micro : micros_) visit_fields(micro, visit);
+  }
+
+ private:
+  const QLearning& owner_;
+  std::vector<Micro> micros_;
+};
 
 double epsilon_at(const RunConfig& config, double env_frames) {
   const double way = std::clamp(env_frames / config.q_learning.epsilon_decay_env_frames, 0.0, 1.0);
@@ -139,14 +136,10 @@ QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device
       mixer_(mixer_of(config, env, net_)),
       target_mixer_(mixer_of(config, env, net_)),
       optimizer_(parameters_of(net_, mixer_.get()), AdamSettings::from(config)),
-      target_parameters_(parameters_of(target_net_, target_mixer_.get())),
+      targets_(parameters_of(target_net_, target_mixer_.get()), optimizer_.parameters(),
+               config.q_learning.target_update_tau, config.q_learning.target_update_interval, device),
       schedule_(config),
-      pool_(threads_for_parts(config, device)) {
-  follow_.record_at_second_replay(device, [this] {
-    for (std::size_t i = 0; i < target_parameters_.size(); ++i)
-      target_parameters_[i].lerp_(parameters()[i], config_.q_learning.target_update_tau);
-  });
-}
+      runner_(config, device) {}
 
 int64_t QLearning::parameter_count() const {
   int64_t count = 0;
@@ -155,20 +148,18 @@ int64_t QLearning::parameter_count() const {
 }
 
 Status QLearning::learn_with(RankGroup& ranks) {
-  ranks_ = &ranks;
+  runner_.learn_with(ranks);
   return {};
 }
 
 void QLearning::observe(const Tensor& frame, const Tensor& measurement, const Tensor& global_state) {
   torch::NoGradGuard no_grad;
   if (net_.options().global_state_count > 0 && global_state.defined())
-    net_.update_state_statistics(ranks_->gather_rows(global_state).to(device_));
+    net_.update_state_statistics(ranks().gather_rows(global_state).to(device_));
   if (!config_.network.normalize_input || !frame.defined()) return;
-  policy::AddUp of_all_frames;  // the frames of other ranks are not fetched: their sums are
-  if (!ranks_->is_alone()) of_all_frames = [this](Tensor& sums) { ranks_->add_up(sums); };
   net_.update_input_statistics(
-      frame.to(device_), measurement.defined() ? ranks_->gather_rows(measurement).to(device_) : measurement,
-      of_all_frames);
+      frame.to(device_), measurement.defined() ? ranks().gather_rows(measurement).to(device_) : measurement,
+      ranks().adder());  // the frames of other ranks are not fetched: their sums are
 }
 
 Tensor QLearning::Scene::mask() const {
@@ -268,7 +259,7 @@ std::vector<QLearning::Micro> QLearning::micros_of(const ReplayBatch& batch) con
       micro.before.reset = micro.batch.reset.narrow(0, 0, count);
       micro.batch = steps_from(micro.batch, count, micro.batch.recurrent_state);
     }
-    if (records_steps()) round_up_cuts(micro.batch);
+    if (runner_.records()) round_up_cuts(micro.batch);
     micro.final_row = torch::tensor(micro.batch.final_row, torch::kInt64);
     micro.final_step = torch::tensor(micro.batch.final_step, torch::kInt64);
     visit_fields(micro, [this](Tensor& field) { field = field.to(device_, /*non_blocking=*/true); });
@@ -315,73 +306,19 @@ QLearning::Scene QLearning::scene_of(const Micro& micro) const {
   return scene;
 }
 
-QLearning::Divisors QLearning::divisors_of(const Totals& totals) const {
-  return {.samples = torch::full({}, totals.trained, torch::kFloat64),
-          .sigma = torch::full({}, q_sigma(), torch::kFloat64)};
-}
-
-QLearning::Part QLearning::part_of(const Micro& micro, const Divisors& divisors) const {
-  Part part;
+LossTerms QLearning::loss_of_micro(const Micro& micro, std::span<const Tensor> divisors) const {
   Scene scene = scene_of(micro);
-  scene.sigma = divisors.sigma;
-  const SampleLoss sample = loss_of(scene);
-  const Tensor valid = sample_valid(scene.batch).to(torch::kFloat32);
-  const Tensor share = valid / divisors.samples;
-  const int64_t samples_of_world = valid.size(1) / micro.batch.world_count;
-  const Tensor importance = scene.batch.weight.unsqueeze(1).expand({-1, samples_of_world}).reshape({1, -1});
-  Tensor loss = (sample.loss * share * importance).sum();
-  Tensor regularizer = torch::zeros({}, share.options());
-  if (sample.regularizer.defined()) regularizer = (sample.regularizer * share).sum();
-  part.gradients = torch::autograd::grad({loss + regularizer}, parameters(), /*grad_outputs=*/{},
-                                         /*retain_graph=*/c10::nullopt, /*create_graph=*/false,
-                                         /*allow_unused=*/true);
-
-  torch::NoGradGuard no_grad;
-  const Tensor is_valid = valid.to(torch::kBool);
-  const auto largest = [&](const Tensor& of_samples) {
-    return torch::where(is_valid, of_samples, torch::full({}, -1e30f, valid.options())).max();
-  };
-  const auto mean_if_defined = [&](const Tensor& of_samples) {
-    return of_samples.defined() ? (of_samples * share).sum() : torch::zeros({}, share.options());
-  };
-  const Tensor unclamped = sample.unclamped.defined() ? sample.unclamped : sample.target;
-  const Tensor utility = policy::chosen_utility(scene.online.now, scene.batch.action, env_).detach();
-  const Tensor taken = scene.batch.valid.to(torch::kBool);
-  const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
-  const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / divisors.samples *
-                        (static_cast<double>(valid.size(1)) / static_cast<double>(micro.batch.rows()));
-  part.numbers = torch::stack({// in the order of kNumbers
-                               loss.detach(),
-                               regularizer.detach(),
-                               (sample.error * share).sum(),
-                               (sample.predicted * share).sum(),
-                               largest(sample.predicted),
-                               -largest(-sample.predicted),
-                               (sample.target * share).sum(),
-                               largest(sample.target),
-                               (utility * of_row).sum(),
-                               torch::where(taken, utility, torch::full({}, -1e30f, valid.options())).max(),
-                               torch::where(taken, utility, torch::full({}, 1e30f, valid.options())).min(),
-                               spread * micro.batch.world_count,
-                               (scene.batch.terminated.to(torch::kFloat32) * of_row).sum(),
-                               (scene.batch.truncated.to(torch::kFloat32) * of_row).sum(),
-                               mean_if_defined(sample.head_entropy),
-                               mean_if_defined(sample.mixer_gain),
-                               mean_if_defined(sample.state_rms),
-                               (sample.target.square() * share).sum(),
-                               (unclamped * share).sum(),
-                               (sample.target.ne(unclamped) * share).sum()});
-  part.loss = (loss + regularizer).detach();
-  const Tensor counted = valid.view({valid.size(0), micro.batch.world_count, samples_of_world});
-  const Tensor errors = sample.error.view_as(counted) * counted / divisors.sigma;
-  part.abs_td = errors.sum(2).sum(0) / counted.sum(2).sum(0).clamp_min(1.0);
-  if (config_.replay.per_sequences && valid.size(0) > 1)
-    part.abs_td = config_.replay.per_eta * errors.amax({0, 2}) + (1 - config_.replay.per_eta) * part.abs_td;
-  return part;
+  scene.sigma = divisors[1];
+  const bool has_shares = config_.replay.per_sequences;
+  return td_loss(loss_of(scene), sample_valid(scene.batch), scene.online.now,
+                 utilities_have_a_unit() ? scene.sigma : torch::ones({}, torch::kFloat64), scene.batch,
+                 divisors,
+                 {.is_joint = mixer_ != nullptr, .sequence_share = has_shares ? config_.replay.per_eta : 0});
 }
 
 int64_t QLearning::micro_worlds(const ReplayBatch& batch) const {
-  const int64_t rows_of_world = (batch.steps() + 1) * batch.shape.env.num_agents, threads = pool_.threads();
+  const int64_t rows_of_world = (batch.steps() + 1) * batch.shape.env.num_agents,
+                threads = runner_.pool().threads();
   const int64_t shared_out = (batch.world_count + threads - 1) / threads;
   return std::max<int64_t>(1, std::min(samples_of_part(config_, device_) / rows_of_world, shared_out));
 }
@@ -389,7 +326,7 @@ int64_t QLearning::micro_worlds(const ReplayBatch& batch) const {
 QLearning::Totals QLearning::totals_of(const ReplayBatch& batch) {
   const Tensor valid = sample_valid(batch);
   const int64_t burn_in = batch.steps() > config_.q_learning.burn_in ? config_.q_learning.burn_in : 0;
-  const Tensor all = ranks_->gather(
+  const Tensor all = ranks().gather(
       torch::tensor({static_cast<double>(count_of(valid)), static_cast<double>(valid.numel()),
                      static_cast<double>(count_of(valid.narrow(0, burn_in, batch.steps() - burn_in))),
                      static_cast<double>(batch.rewards_read), static_cast<double>(batch.rewards_clipped),
@@ -402,129 +339,31 @@ QLearning::Totals QLearning::totals_of(const ReplayBatch& batch) {
   return {.valid = sums[0],
           .places = sums[1],
           .trained = std::max(1.0, sums[2]),
+          .worlds = static_cast<double>(batch.world_count * ranks().count()),
           .rewards_read = sums[3],
           .rewards_clipped = sums[4],
           .least_probability = least.data_ptr<double>()[5]};
 }
 
-bool QLearning::add_gradient(const std::vector<Micro>& micros, const Divisors& divisors,
-                             const std::function<bool()>& keep_going, Numbers& numbers) {
-  const bool is_done = sum_gradients<Part>(
-      pool_, parameters(), static_cast<int64_t>(micros.size()),
-      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], divisors); },
-      [&](const Part& part) {
-        numbers.of_parts.push_back(part.numbers);
-        numbers.abs_td.push_back(part.abs_td);
-        numbers.loss = numbers.loss.defined() ? numbers.loss + part.loss : part.loss;
-      },
-      keep_going);
-  if (!is_done) return false;
-  if (ranks_->is_alone()) return true;
-  ranks_->add_up_gradients(parameters());
-  const Tensor of_parts = ranks_->gather(torch::stack(numbers.of_parts), 0);
-  const Tensor losses = ranks_->gather(numbers.loss.reshape({1}), 0);
-  if (ranks_->failure()) return false;
-  numbers.of_parts = of_parts.unbind(0);
-  numbers.loss = losses.sum();
+StepRequest QLearning::request_for(Input& input, const Totals& totals, const UpdateContext& context) {
+  return {.optimizer = optimizer_,
+          .input = input,
+          .divisors = {totals.trained, q_sigma(), totals.worlds},
+          .learning_rate = schedule_.learning_rate(),
+          .keeps = true,
+          .reads_kept = true,
+          .reads_second_moment = true,
+          .keep_going = context.keep_going};
+}
+
+bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, TermValues& terms) {
+  Input input(*this, micros_of(batch));
+  const std::optional<StepOutcome> outcome =
+      runner_.gradient_of(request_for(input, totals_of(batch), context));
+  if (!outcome) return false;
+  terms = outcome->terms;
+  batch.abs_td = torch::tensor(outcome->kept, torch::kFloat32);
   return true;
-}
-
-std::vector<Tensor> QLearning::Numbers::to_read() const {
-  std::vector<Tensor> all = of_parts;
-  all.insert(all.end(), abs_td.begin(), abs_td.end());
-  return all;
-}
-
-LossSums QLearning::Numbers::sums(const double* values, int64_t worlds, ReplayBatch& batch) const {
-  LossSums sums;
-  for (std::size_t part = 0; part < of_parts.size(); ++part)
-    for (const auto& [place, how] : kNumbers) {
-      double& sum = sums.*place;
-      const double number = *values++;
-      sum = how == How::kAdd   ? sum + number
-            : how == How::kMax ? std::max(sum, number)
-                               : std::min(sum, number);
-    }
-  sums.spread /= static_cast<double>(worlds);
-  batch.abs_td = torch::empty({batch.world_count});
-  for (int64_t world = 0; world < batch.world_count; ++world)
-    batch.abs_td.data_ptr<float>()[world] = static_cast<float>(values[world]);
-  return sums;
-}
-
-bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums) {
-  Numbers numbers;
-  if (!add_gradient(micros_of(batch), divisors_of(totals_of(batch)), context.keep_going, numbers))
-    return false;
-  device::Readback read(at::cat(numbers.to_read()).to(torch::kFloat64));
-  read.wait();
-  sums = numbers.sums(read.values(), worlds_of_all(batch), batch);
-  return true;
-}
-
-bool QLearning::records_steps() const { return !device::has_own_kernels(device_) && ranks_->is_alone(); }
-
-std::optional<Tensor> QLearning::give(const std::vector<Micro>& micros, const Totals& totals,
-                                      const UpdateContext& context, UpdateStats& stats, Numbers& numbers) {
-  if (records_steps()) {
-    if (context.keep_going && !context.keep_going()) return std::nullopt;
-    StepGuard::count_step(version_, stats);
-    return give_recorded(micros, totals, numbers);
-  }
-  optimizer_.zero_grad();
-  if (!add_gradient(micros, divisors_of(totals), context.keep_going, numbers)) return std::nullopt;
-  return with_optimizer(numbers,
-                        guard_.step(optimizer_, numbers.loss, schedule_.learning_rate(), version_, stats));
-}
-
-Tensor QLearning::with_optimizer(const Numbers& numbers, const Tensor& taken_and_norm) const {
-  std::vector<Tensor> to_read = numbers.to_read();
-  to_read.push_back(taken_and_norm);
-  to_read.push_back(optimizer_.max_second_moment().reshape({1}));
-  return at::cat(to_read).to(torch::kFloat64);
-}
-
-Tensor QLearning::give_recorded(const std::vector<Micro>& micros, const Totals& totals, Numbers& numbers) {
-  RecordedStep& recorded = recorded_step(micros);
-  {
-    torch::NoGradGuard no_grad;
-    std::vector<Tensor> fields;
-    for (Micro micro : micros) visit_fields(micro, [&](Tensor& field) { fields.push_back(field); });
-    std::size_t next = 0;
-    for (Micro& micro : recorded.micros)
-      visit_fields(micro, [&](Tensor& field) { field.copy_(fields[next++], /*non_blocking=*/true); });
-    const Tensor settings = device::host_memory({3}, torch::kFloat64, device_);
-    const Divisors divisors = divisors_of(totals);
-    settings[0].copy_(divisors.samples);
-    settings[1].copy_(divisors.sigma);
-    settings[2].fill_(schedule_.learning_rate());
-    recorded.settings.copy_(settings, /*non_blocking=*/true);
-  }
-  recorded.graph.replay();
-  numbers = recorded.numbers;
-  return recorded.outcome;
-}
-
-QLearning::RecordedStep& QLearning::recorded_step(const std::vector<Micro>& micros) {
-  std::vector<std::vector<int64_t>> shapes;
-  for (Micro micro : micros)
-    visit_fields(micro, [&](const Tensor& field) { shapes.push_back(field.sizes().vec()); });
-  for (const auto& made : recorded_steps_)
-    if (made->shapes == shapes) return *made;
-  RecordedStep& made = *recorded_steps_.emplace_back(std::make_unique<RecordedStep>());
-  made.shapes = std::move(shapes);
-  made.micros = micros;
-  for (Micro& micro : made.micros)
-    visit_fields(micro, [](Tensor& field) { field = torch::empty_like(field); });
-  made.settings = torch::empty({3}, torch::TensorOptions(torch::kFloat64).device(device_));
-  made.graph.record_at_second_replay(device_, [this, &made] {
-    optimizer_.zero_grad();
-    made.numbers = {};
-    (void)add_gradient(made.micros, {.samples = made.settings[0], .sigma = made.settings[1]}, {},
-                       made.numbers);
-    made.outcome = with_optimizer(made.numbers, optimizer_.step(made.settings[2], made.numbers.loss));
-  });
-  return made;
 }
 
 Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext& context) {
@@ -534,43 +373,33 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   const Totals totals = totals_of(batch);
   stats.lag.valid_fraction = totals.valid / totals.places;
   if (totals.valid == 0) {
-    COMRAD_TRY(guard_.skip_invalid_batch(0, stats));
+    COMRAD_TRY(runner_.skip_invalid_batch(0, stats));
     batch.abs_td = torch::zeros({batch.world_count});
     return stats;
   }
-  if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch, *ranks_));
+  if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch, ranks()));
   if (batch.least_probability > totals.least_probability)  // see the factor f_k in the header
     batch.weight.mul_(std::pow(totals.least_probability / batch.least_probability, batch.weight_exponent));
   // The device is given the whole step before anything is asked of it.
-  device::Readback read;
-  Numbers numbers;
-  const std::vector<Micro> micros = micros_of(batch);
+  Input input(*this, micros_of(batch));
+  GivenStep given;
   {
     const device::StepScope nothing_waits;
-    const std::optional<Tensor> outcome = give(micros, totals, context, stats, numbers);
-    if (!outcome) {
+    if (runner_.give(request_for(input, totals, context), stats, given) != StepRunner::Result::kGiven) {
       stats.abandoned = true;
       return stats;
     }
-    read = device::Readback(*outcome);
   }
   stats.rows_trained += batch.steps() * batch.rows();
-  read.wait();
-  const LossSums sums = numbers.sums(read.values(), worlds_of_all(batch), batch);
-  const double* outcome = read.values() + read.count() - 3;
-  guard_.settle({.was_taken = outcome[0] != 0,
-                 .grad_norm = outcome[1],
-                 .loss = sums.loss + sums.regularizer,
-                 .learning_rate = schedule_.learning_rate()},
-                version_, stats);
-  max_second_moment_ = outcome[2];
-  if (outcome[0] == 0) {
-    COMRAD_TRY(guard_.status());
+  const StepOutcome outcome = runner_.settle(given, stats);
+  batch.abs_td = torch::tensor(outcome.kept, torch::kFloat32);
+  if (!outcome.was_taken) {
+    COMRAD_TRY(runner_.status());
     batch.abs_td.zero_();
     return stats;
   }
-  update_targets();
-  report(sums, stats);
+  targets_.follow(version());
+  report(outcome, stats);
   if (!mixer_) {  // the reference's names for decisions that do not count
     stats.values.emplace_back("train/policy_lag_valid_frac", stats.lag.valid_fraction);
     stats.values.emplace_back("train/policy_lag_dropped", totals.places - totals.valid);
@@ -580,63 +409,33 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
     stats.values.emplace_back("train/rewards_clipped_fraction", totals.rewards_clipped / totals.rewards_read);
   if (config_.q_learning.normalize_q_values) {
     const double before = q_sigma();
-    rescale_outputs(before, scale_.observe(sums.target_square));
+    rescale_outputs(before, scale_.observe(outcome.terms["target_mean_square"]));
   }
   if (context.after_step) context.after_step();
   return stats;
-}
-
-void QLearning::update_targets() {
-  torch::NoGradGuard no_grad;
-  if (config_.q_learning.target_update_tau < 1) return follow_.replay();
-  if (version_ % static_cast<PolicyVersion>(config_.q_learning.target_update_interval) != 0) return;
-  for (std::size_t i = 0; i < target_parameters_.size(); ++i) target_parameters_[i].copy_(parameters()[i]);
 }
 
 void QLearning::rescale_outputs(double before, double after) {
   if (before == after) return;
   torch::NoGradGuard no_grad;
   const double factor = before / after;
-  const bool are_linear = !mixer_ || mixer_->scales_with_utilities();
+  const bool are_linear = utilities_have_a_unit();
   for (const policy::PolicyNet* net : {&net_, &target_net_})
     for (Tensor& parameter : are_linear ? heads_of(*net) : std::vector<Tensor>()) parameter.mul_(factor);
   for (Mixer* mixer : {mixer_.get(), target_mixer_.get()})
     if (mixer != nullptr) mixer->rescale(factor);
 }
 
-void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
+void QLearning::report(const StepOutcome& outcome, UpdateStats& stats) const {
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
-  put("train/loss", sums.loss + sums.regularizer);
-  put(mixer_ ? "train/q_tot_mean" : "train/dqn_q_mean", sums.predicted);
-  put(mixer_ ? "train/q_tot_max" : "train/dqn_q_max", sums.predicted_max);
-  if (!mixer_) put("train/dqn_q_min", sums.predicted_min);
-  put(mixer_ ? "train/target_q_tot_mean" : "train/dqn_target_q_mean", sums.target);
-  put("train/target_q_max", sums.target_max);
-  put(mixer_ ? "train/td_error_mean" : "train/dqn_td_error_mean", sums.td);
-  // QMIX's utilities have no unit of their own: the mixer gives them one.
-  const double unit = !mixer_ || mixer_->scales_with_utilities() ? q_sigma() : 1;
-  put("train/agent_qs_mean", sums.utility * unit);
-  put("train/agent_qs_max", sums.utility_max * unit);
-  put("train/agent_qs_min", sums.utility_min * unit);
-  put("train/q_std_across_actions", sums.spread * unit);
+  put("train/loss", outcome.terms.loss());
+  append_terms(outcome.terms, stats.values);
   put("train/q_sigma", q_sigma());
-  if (mixer_) put("train/target_before_clamp", sums.unclamped);
-  if (mixer_) put("train/targets_clipped_fraction", sums.clipped);
-  if (mixer_ && config_.run.algo->can_see_global_state()) {
-    put("train/mixer_gain", sums.mixer_gain);
-    put("train/mixer_state_rms", sums.state_rms);
-  }
-  put("train/done_ratio", sums.terminated);
-  put("train/timeout_ratio", sums.truncated);
-  if (config_.run.algo->mixer == MixerKind::kQplexAttention) {
-    put("train/attend_mag_regs", sums.regularizer);
-    put("train/head_entropy_mean", sums.head_entropy);
-  }
-  put("train/grad_norm", guard_.grad_norm());
-  put("train/adam_max_second_moment", max_second_moment_);
+  put("train/grad_norm", runner_.grad_norm());
+  put("train/adam_max_second_moment", outcome.max_second_moment);
   put("train/valids_fraction", stats.lag.valid_fraction);
-  put("train/num_sgd_steps", static_cast<double>(version_));
+  put("train/num_sgd_steps", static_cast<double>(version()));
   put("train/num_updates", static_cast<double>(updates_));
   if (!mixer_) put("train/dqn_num_updates", static_cast<double>(updates_));
 }
@@ -649,7 +448,7 @@ void QLearning::append_diagnostics(NamedNumbers& values) const {
 }
 
 void QLearning::save(StateDict& state) const {
-  Progress{version_, updates_}.save(state, config_.run.algo.name(), net_.options().global_state_count);
+  Progress{version(), updates_}.save(state, config_.run.algo.name(), net_.options().global_state_count);
   for (const auto& [key, tensor] : net_.named_state()) state.put("network/" + key, tensor);
   for (const auto& [key, tensor] : target_net_.named_parameters()) state.put("target/" + key, tensor);
   if (mixer_) {
@@ -676,10 +475,9 @@ Status QLearning::load(const StateDict& state) {
       COMRAD_TRY(state.copy_tensor("target_mixer/" + key, tensor));
   }
   net_.state_changed();
-  recorded_steps_.clear();  // moments may move
   COMRAD_TRY(optimizer_.load(state, "optimizer"));
   COMRAD_TRY(schedule_.load(state));
-  version_ = progress.version;
+  runner_.resume(progress.version);
   updates_ = progress.updates;
   scale_ = QScale();
   if (QScale::is_in(state)) {
@@ -688,7 +486,7 @@ Status QLearning::load(const StateDict& state) {
       rescale_outputs(scale_.sigma(), 1);
       scale_ = QScale();
     }
-  } else if (version_ > 0) {
+  } else if (version() > 0) {
     scale_.begin_natural();
   }
   return {};

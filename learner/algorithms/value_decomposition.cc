@@ -11,7 +11,7 @@ Tensor ValueDecomposition::sample_valid(const ReplayBatch& batch) const {
   return batch.valid.view({batch.steps(), batch.world_count, batch.shape.env.num_agents}).amin(2);
 }
 
-QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
+SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
   const ReplayBatch& batch = scene.batch;
   const int64_t steps = batch.steps(), worlds = batch.world_count, agents = batch.shape.env.num_agents;
   const auto of_worlds = [&](const Tensor& of_rows) { return of_rows.reshape({steps * worlds, -1}); };

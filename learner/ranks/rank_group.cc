@@ -242,6 +242,11 @@ void RankGroup::add_up(Tensor& numbers) {
   numbers.copy_(sum_of(parts));
 }
 
+std::function<void(torch::Tensor&)> RankGroup::adder() {
+  if (is_alone()) return {};
+  return [this](torch::Tensor& numbers) { add_up(numbers); };
+}
+
 std::vector<double> RankGroup::add_up(const std::vector<double>& numbers) {
   if (is_alone()) return numbers;
   Tensor sum = torch::empty({static_cast<int64_t>(numbers.size())}, torch::kFloat64);

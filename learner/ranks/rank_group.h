@@ -71,6 +71,8 @@ class RankGroup {
   /// The sum over the ranks in place, of one shape in all ranks. Integers below 2^53 are summed exactly in f64.
   void add_up(torch::Tensor& numbers);
   std::vector<double> add_up(const std::vector<double>& numbers);
+  /// add_up() of a tensor as a function; empty for a learner alone.
+  std::function<void(torch::Tensor&)> adder();
   /// The same for the gradients of `parameters` (f32), in one exchange of their sum's size twice. Parameters without a
   /// gradient are left out; they must be the same in all ranks.
   void add_up_gradients(const std::vector<torch::Tensor>& parameters);

@@ -346,9 +346,8 @@ void BatchSource::save(StateDict& state) const {
 }
 
 Expected<UpdateStats> update_on(Sample& sample, Algorithm& algorithm, const UpdateContext& context) {
-  return sample.rollout_batch
-             ? dynamic_cast<OnPolicyAlgorithm&>(algorithm).update(*sample.rollout_batch, context)
-             : dynamic_cast<OffPolicyAlgorithm&>(algorithm).update(*sample.replay_batch, context);
+  return sample.rollout_batch ? algorithm.on_policy()->update(*sample.rollout_batch, context)
+                              : algorithm.off_policy()->update(*sample.replay_batch, context);
 }
 
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {

@@ -61,8 +61,8 @@ class SyntheticTraining {
     COMRAD_TRY_ASSIGN(training->algorithm_, make_algorithm(config, shape.env, device));
     training->weights_.emplace(*training->algorithm_, [](std::span<const std::byte>, PolicyVersion) {});
     training->context_.after_step = [weights = &*training->weights_] { weights->offer(); };
-    training->on_policy_ = dynamic_cast<OnPolicyAlgorithm*>(training->algorithm_.get());
-    training->off_policy_ = dynamic_cast<OffPolicyAlgorithm*>(training->algorithm_.get());
+    training->on_policy_ = training->algorithm_->on_policy();
+    training->off_policy_ = training->algorithm_->off_policy();
     if (training->off_policy_ != nullptr) {
       RunConfig eager = config;
       eager.q_learning.learning_starts_decisions = 1;

@@ -39,16 +39,14 @@ Status Follower::open(const std::string& run_dir) {
   COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, ranks_.device()));
   COMRAD_TRY(algorithm_->learn_with(ranks_));
   COMRAD_TRY_ASSIGN(layouts_, LayoutService::open(config_, run_dir));
-  COMRAD_TRY_ASSIGN(
-      source_,
-      make_batch_source({.config = config_,
-                         .arena = arena_,
-                         .stop = stop_,
-                         .poll = [] {},
-                         .run_dir = run_dir,
-                         .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
-                         .device = ranks_.device(),
-                         .ranks = ranks_}));
+  COMRAD_TRY_ASSIGN(source_, make_batch_source({.config = config_,
+                                                .arena = arena_,
+                                                .stop = stop_,
+                                                .poll = [] {},
+                                                .run_dir = run_dir,
+                                                .is_off_policy = algorithm_->off_policy() != nullptr,
+                                                .device = ranks_.device(),
+                                                .ranks = ranks_}));
   COMRAD_TRY(begin());
   COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
   COMRAD_TRY(source_->start());
@@ -97,8 +95,7 @@ Status Follower::run() {
 /// Observes its own part of what came into the replays, and counts all of it.
 void Follower::take_in(const Inserted& inserted) {
   if (inserted.transitions == 0) return;
-  dynamic_cast<OffPolicyAlgorithm&>(*algorithm_)
-      .observe(inserted.frame, inserted.measurement, inserted.global_state);
+  algorithm_->off_policy()->observe(inserted.frame, inserted.measurement, inserted.global_state);
   count(inserted.transitions);
   source_->feed()->set_env_frames(static_cast<double>(totals_.env_frames));
 }

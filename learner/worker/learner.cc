@@ -56,16 +56,14 @@ Status Learner::open() {
   COMRAD_TRY(make_network());
   if (!options_.serve) {
     COMRAD_TRY_ASSIGN(layouts_, LayoutService::open(config_, options_.run_dir));
-    COMRAD_TRY_ASSIGN(
-        source_,
-        make_batch_source({.config = config_,
-                           .arena = arena_,
-                           .stop = stop_,
-                           .poll = [this] { poll(); },
-                           .run_dir = options_.run_dir,
-                           .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
-                           .device = device_,
-                           .ranks = ranks_}));
+    COMRAD_TRY_ASSIGN(source_, make_batch_source({.config = config_,
+                                                  .arena = arena_,
+                                                  .stop = stop_,
+                                                  .poll = [this] { poll(); },
+                                                  .run_dir = options_.run_dir,
+                                                  .is_off_policy = algorithm_->off_policy() != nullptr,
+                                                  .device = device_,
+                                                  .ranks = ranks_}));
   }
   COMRAD_TRY(resume());
   COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
@@ -253,8 +251,7 @@ Status Learner::serve() {
 void Learner::take_in(const Inserted& inserted) {
   if (inserted.transitions == 0) return;
   reporter_.heard_lag(inserted.lag);
-  dynamic_cast<OffPolicyAlgorithm&>(*algorithm_)
-      .observe(inserted.frame, inserted.measurement, inserted.global_state);
+  algorithm_->off_policy()->observe(inserted.frame, inserted.measurement, inserted.global_state);
   count(inserted.transitions);
   source_->feed()->set_env_frames(static_cast<double>(totals_.env_frames));
 }

@@ -47,7 +47,8 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
         "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace", "python"}},
       {"learner",
-       {"batch", "estimators", "critics", "checkpoint", "ranks", "algorithms", "curriculum", "worker"}},
+       {"batch", "estimators", "critics", "checkpoint", "ranks", "losses", "step", "report", "algorithms",
+        "curriculum", "worker"}},
   };
   return layers;
 }

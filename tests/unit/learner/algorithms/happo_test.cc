@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "learner/algorithms/ippo.h"
-#include "learner/algorithms/ppo_loss.h"
+#include "learner/losses/ppo_loss.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "tests/support/noise_batch.h"
 
@@ -107,12 +107,12 @@ TEST(Happo, OnlyTheNetworkInTrainingChanges) {
     std::vector<std::vector<Tensor>> before;
     for (int64_t agent = 0; agent < 3; ++agent) before.push_back(copies(happo.net().actor_parameters(agent)));
     before.push_back(copies(happo.net().joint_critic_parameters()));
-    OnPolicy::LossSums sums;
+    TermValues terms;
     bool goes_on = true;
     if (part < 3) {
-      ASSERT_TRUE(happo.train_agent(batch, part, {}, stats, sums, goes_on));
+      ASSERT_TRUE(happo.train_agent(batch, part, {}, stats, terms, goes_on));
     } else {
-      ASSERT_TRUE(happo.train_critic(batch, {}, stats, sums));
+      ASSERT_TRUE(happo.train_critic(batch, {}, stats, terms));
     }
     for (int64_t agent = 0; agent < 3; ++agent)
       EXPECT_EQ(all_equal(before[static_cast<std::size_t>(agent)], happo.net().actor_parameters(agent)),
@@ -138,7 +138,7 @@ TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
   pieces.prepare_targets(other);
   other.advantage = standardize(other.advantage, other.valid);
   UpdateStats stats;
-  OnPolicy::LossSums sums;
+  TermValues terms;
   bool goes_on = true;
   const auto log_prob_of = [&](int64_t agent) {
     torch::NoGradGuard no_grad;
@@ -165,7 +165,7 @@ TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
   };
   for (int64_t agent = 0; agent < 3; ++agent) {
     const Tensor before = log_prob_of(agent);
-    const Expected<Tensor> reported = pieces.train_agent(other, agent, {}, stats, sums, goes_on);
+    const Expected<Tensor> reported = pieces.train_agent(other, agent, {}, stats, terms, goes_on);
     ASSERT_TRUE(reported);
     EXPECT_TRUE(torch::allclose(*reported, before, 1e-4, 1e-5)) << agent;
     const Tensor after = log_prob_of(agent);
@@ -180,7 +180,7 @@ TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
         for (int64_t row = world * 3; row < world * 3 + 3; ++row) other.advantage[t][row] *= ratio;
       }
   }
-  ASSERT_TRUE(pieces.train_critic(other, {}, stats, sums));
+  ASSERT_TRUE(pieces.train_critic(other, {}, stats, terms));
   // M of the update leaves the last agent's ratio out, since nobody is left to need it.
   const std::vector<Tensor> a = whole.net().parameters(), b = pieces.net().parameters();
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(torch::allclose(a[i], b[i], 1e-4, 2e-6)) << i;

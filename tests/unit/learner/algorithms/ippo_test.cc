@@ -134,8 +134,8 @@ TEST(Ippo, MicroBatchesGiveTheGradientOfTheWholeBatch) {
     batch.terminated[1][2] = 1;
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
-    Ippo::LossSums sums;
-    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    TermValues terms;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, terms));
     results.push_back(gradients(ippo.net()));
   }
   for (std::size_t i = 1; i < results.size(); ++i)
@@ -153,8 +153,8 @@ TEST(Ippo, ThreadsWithAMicroBatchEachGiveTheSameGradientEveryTime) {
     RolloutBatch batch = noise_batch(shape, 7, 3);
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
-    Ippo::LossSums sums;
-    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    TermValues terms;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, terms));
     results.push_back(gradients(ippo.net()));
   }
   for (std::size_t i = 1; i < results.size(); ++i)
@@ -174,8 +174,8 @@ TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
     if (slab_count == 4) batch.valid.narrow(1, 6, 2).zero_();
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
-    Ippo::LossSums sums;
-    ippo.accumulate_gradient(batch, {}, sums);
+    TermValues terms;
+    ippo.accumulate_gradient(batch, {}, terms);
     results.push_back(gradients(ippo.net()));
   }
   EXPECT_LT(largest_relative_difference(results[0], results[1]), 2e-5);
@@ -314,8 +314,8 @@ TEST(Ippo, ADeadAgentsActionsMoveNoWeightAndLowerNoLearningRate) {
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
     RolloutBatch whole = batch;
-    Ippo::LossSums sums;
-    ASSERT_TRUE(ippo.accumulate_gradient(whole, {}, sums));
+    TermValues terms;
+    ASSERT_TRUE(ippo.accumulate_gradient(whole, {}, terms));
     results.push_back(gradients(ippo.net()));
     EXPECT_NEAR(values_of(*ippo.update(batch, {}))["train/actual_lr"], 1e-4, 1e-12);
   }
@@ -402,9 +402,9 @@ TEST(Ippo, AMinibatchOfTheDeadTrainsTheirValuesAlone) {
     batch.agent_active.zero_();
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
-    Ippo::LossSums sums;
-    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
-    EXPECT_EQ(sums.actor(), 0);
+    TermValues terms;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, terms));
+    EXPECT_EQ(terms["policy_loss"] + terms["exploration_loss"] + terms["kl_loss"], 0);
     double largest = 0;
     for (const Tensor& gradient : gradients(ippo.net())) {
       EXPECT_TRUE(gradient.isfinite().all().item<bool>());
@@ -716,8 +716,8 @@ TEST(IppoWithVtrace, TrainsAndMicroBatchesGiveTheSameGradient) {
     Ippo ippo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 5, 19);
     apply_lag_filter(batch, 0, 1000);
-    Ippo::LossSums sums;
-    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    TermValues terms;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, terms));
     results.push_back(gradients(ippo.net()));
     RolloutBatch again = noise_batch(shape, 5, 19);
     EXPECT_EQ(ippo.update(again, {})->optimizer_steps, 1);
@@ -752,8 +752,8 @@ TEST(Ippo, SeparateNetworksLearnFromTheirOwnAgentAlone) {
   batch.valid.slice(1, 1, c10::nullopt, 2).zero_();  // agent 1 has nothing to learn from
   apply_lag_filter(batch, 0, 1000);
   ippo.prepare_targets(batch);
-  Ippo::LossSums sums;
-  ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+  TermValues terms;
+  ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, terms));
   for (const auto& [agent, learns] : {std::pair(0, true), {1, false}}) {
     double norm = 0;
     for (const Tensor& parameter : ippo.net().actor_parameters(agent))
@@ -764,7 +764,7 @@ TEST(Ippo, SeparateNetworksLearnFromTheirOwnAgentAlone) {
 
 TEST(Ippo, Bf16LossesAgreeWithFp32) {
   for (const char* algo : {"ippo", "mappo"}) {
-    std::vector<Ippo::LossSums> sums;
+    std::vector<TermValues> terms;
     std::vector<std::vector<Tensor>> results;
     for (const Precision precision : {Precision::kFp32, Precision::kBf16}) {
       RunConfig config = small_config();
@@ -775,16 +775,18 @@ TEST(Ippo, Bf16LossesAgreeWithFp32) {
       RolloutBatch batch = noise_batch(shape, 8, 22);
       apply_lag_filter(batch, 0, 1000);
       ippo.prepare_targets(batch);
-      sums.emplace_back();
-      ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums.back()));
+      terms.emplace_back();
+      ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, terms.back()));
       results.push_back(gradients(ippo.net()));
     }
     // bfloat16 keeps 8 bits, so single products are off by up to 0.4 %.
-    EXPECT_NEAR(sums[0].policy, sums[1].policy, 0.01) << algo;
-    EXPECT_NEAR(sums[0].value, sums[1].value, 0.02 * sums[0].value) << algo;
-    EXPECT_NEAR(sums[0].entropy, sums[1].entropy, 0.01 * sums[0].entropy) << algo;
-    EXPECT_NEAR(sums[0].exploration, sums[1].exploration, 0.02 * sums[0].exploration) << algo;
-    EXPECT_NE(sums[0].policy, sums[1].policy) << algo;
+    EXPECT_NEAR(terms[0]["policy_loss"], terms[1]["policy_loss"], 0.01) << algo;
+    EXPECT_NEAR(terms[0]["value_loss"], terms[1]["value_loss"], 0.02 * terms[0]["value_loss"]) << algo;
+    EXPECT_NEAR(terms[0]["entropy"], terms[1]["entropy"], 0.01 * terms[0]["entropy"]) << algo;
+    EXPECT_NEAR(terms[0]["exploration_loss"], terms[1]["exploration_loss"],
+                0.02 * terms[0]["exploration_loss"])
+        << algo;
+    EXPECT_NE(terms[0]["policy_loss"], terms[1]["policy_loss"]) << algo;
     EXPECT_LT(largest_relative_difference(results[0], results[1]), 0.03) << algo;
   }
 }

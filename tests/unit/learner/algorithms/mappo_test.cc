@@ -71,12 +71,12 @@ TEST(Mappo, TheOrderOfWorldsInABatchChangesNeitherValuesNorGradient) {
       EXPECT_TRUE(torch::allclose(value.select(1, order[place] * 3 + agent),
                                   other.select(1, static_cast<int64_t>(place) * 3 + agent), 1e-5, 1e-6));
 
-  Ippo::LossSums sums, shuffled_sums;
-  ASSERT_TRUE(mappo.accumulate_gradient(batch, {}, sums));
+  TermValues terms, shuffled_terms;
+  ASSERT_TRUE(mappo.accumulate_gradient(batch, {}, terms));
   const std::vector<Tensor> gradient = gradients(mappo.net());
-  ASSERT_TRUE(mappo.accumulate_gradient(shuffled, {}, shuffled_sums));
+  ASSERT_TRUE(mappo.accumulate_gradient(shuffled, {}, shuffled_terms));
   const std::vector<Tensor> shuffled_gradient = gradients(mappo.net());
-  EXPECT_NEAR(sums.value, shuffled_sums.value, 1e-5);
+  EXPECT_NEAR(terms["value_loss"], shuffled_terms["value_loss"], 1e-5);
   for (std::size_t i = 0; i < gradient.size(); ++i)
     EXPECT_TRUE(torch::allclose(gradient[i], shuffled_gradient[i], 1e-3, 1e-6)) << i;
 }
@@ -105,8 +105,8 @@ TEST(Mappo, TheValueGradientReachesTheEncoder) {
   RolloutBatch batch = noise_batch(shape, 2, 5);
   mappo.prepare_targets(batch);
   batch.advantage.zero_();
-  Ippo::LossSums sums;
-  ASSERT_TRUE(mappo.accumulate_gradient(batch, {}, sums));
+  TermValues terms;
+  ASSERT_TRUE(mappo.accumulate_gradient(batch, {}, terms));
   EXPECT_GT(gradients(mappo.net()).front().abs().max().item<double>(), 0);
 }
 

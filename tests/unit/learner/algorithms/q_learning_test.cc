@@ -187,10 +187,10 @@ std::unique_ptr<QLearning> q_learner(const RunConfig& config) {
 }
 
 double loss_of(QLearning& learner, ReplayBatch& batch, double* regularizer = nullptr) {
-  QLearning::LossSums sums;
-  EXPECT_TRUE(learner.accumulate_gradient(batch, {}, sums));
-  if (regularizer != nullptr) *regularizer = sums.regularizer;
-  return sums.loss;
+  TermValues terms;
+  EXPECT_TRUE(learner.accumulate_gradient(batch, {}, terms));
+  if (regularizer != nullptr) *regularizer = terms["attend_mag_regs"];
+  return terms["td_loss"];
 }
 
 std::vector<Tensor> gradients_of(const QLearning& learner) {
@@ -282,9 +282,10 @@ TEST(QLearning, ADeadAgentsLastDecisionIsWorthItsRewardsAlone) {
     ReplayBatch batch = make_replay_batch(options);
     fill(batch, options, *replay, replay->draw(1, 1, rng));
     const auto learner = q_learner(config);
-    QLearning::LossSums sums;
-    ASSERT_TRUE(learner->accumulate_gradient(batch, {}, sums));
-    EXPECT_NEAR(sums.target, config.optimisation.gamma * config.optimisation.gamma * -0.5, 1e-6);
+    TermValues terms;
+    ASSERT_TRUE(learner->accumulate_gradient(batch, {}, terms));
+    EXPECT_NEAR(terms["target_q_tot_mean"] + terms["dqn_target_q_mean"],
+                config.optimisation.gamma * config.optimisation.gamma * -0.5, 1e-6);
   }
 }
 
@@ -358,14 +359,14 @@ TEST_P(EveryAlgorithm, TheOrderOfWorldsDoesNotMatter) {
   double turned = 0;
   for (const int64_t world : {3, 0, 4, 1, 2}) {
     ReplayBatch one = narrow_worlds(batch, world, 1);
-    QLearning::LossSums sums;
-    ASSERT_TRUE(learner->accumulate_gradient(one, {}, sums));
+    TermValues terms;
+    ASSERT_TRUE(learner->accumulate_gradient(one, {}, terms));
     const auto valid = one.valid.view({one.steps(), 1, kAgents});
     const double count =
         config.run.algo == "idqn"
             ? one.valid.bitwise_and(one.agent_active.narrow(0, 0, one.steps())).sum().item<double>()
             : valid.amin(2).sum().item<double>();
-    turned += sums.loss * count;
+    turned += terms["td_loss"] * count;
   }
   const auto all = batch.valid.view({batch.steps(), batch.world_count, kAgents});
   const double count =
@@ -438,10 +439,14 @@ TEST_P(EveryAlgorithm, ALossThatIsNoNumberMovesNoWeight) {
 
 /// What a learner says of a batch, in natural units.
 std::vector<double> words_of(QLearning& learner, ReplayBatch& batch) {
-  QLearning::LossSums sums;
-  EXPECT_TRUE(learner.accumulate_gradient(batch, {}, sums));
+  TermValues terms;
+  EXPECT_TRUE(learner.accumulate_gradient(batch, {}, terms));
   gradients_of(learner);
-  return {sums.predicted, sums.predicted_max, sums.target, sums.target_max, sums.td};
+  return learner.mixer() != nullptr
+             ? std::vector{terms["q_tot_mean"], terms["q_tot_max"], terms["target_q_tot_mean"],
+                           terms["target_q_max"], terms["td_error_mean"]}
+             : std::vector{terms["dqn_q_mean"], terms["dqn_q_max"], terms["dqn_target_q_mean"],
+                           terms["target_q_max"], terms["dqn_td_error_mean"]};
 }
 
 void expect_close(const std::vector<double>& values, const std::vector<double>& expected, const char* what) {

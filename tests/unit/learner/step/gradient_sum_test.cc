@@ -1,5 +1,5 @@
 // Gradients of micro-batches are added in their order, element by element, however many threads and parts there are.
-#include "learner/algorithms/gradient_sum.h"
+#include "learner/step/gradient_sum.h"
 
 #include <gtest/gtest.h>
 

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "learner/algorithms/adam_optimizer.h"
-#include "learner/algorithms/algorithm.h"
+#include "learner/step/adam_optimizer.h"
+#include "learner/step/update_stats.h"
 
 namespace comrad::learn {
 

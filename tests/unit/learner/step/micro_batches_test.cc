@@ -1,4 +1,4 @@
-#include "learner/algorithms/micro_batches.h"
+#include "learner/step/micro_batches.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "learner/algorithms/ppo_loss.h"
+#include "learner/losses/ppo_loss.h"
 
 #include <gtest/gtest.h>
 

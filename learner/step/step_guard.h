@@ -2,8 +2,10 @@
 // valid, is skipped and counted, and too many in a row end the run. Stage: update.
 #pragma once
 
-#include "learner/algorithms/adam_optimizer.h"
-#include "learner/algorithms/algorithm.h"
+#include "learner/step/adam_optimizer.h"
+#include "learner/step/update_stats.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/version.h"
 
 namespace comrad::learn {
 

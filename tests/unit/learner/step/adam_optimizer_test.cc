@@ -1,4 +1,4 @@
-#include "learner/algorithms/adam_optimizer.h"
+#include "learner/step/adam_optimizer.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "learner/algorithms/part_statistics.h"
+#include "learner/report/part_statistics.h"
 
 #include <gtest/gtest.h>
 

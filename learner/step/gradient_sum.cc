@@ -1,4 +1,4 @@
-#include "learner/algorithms/gradient_sum.h"
+#include "learner/step/gradient_sum.h"
 
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/share_out.h"

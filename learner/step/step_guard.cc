@@ -1,4 +1,4 @@
-#include "learner/algorithms/step_guard.h"
+#include "learner/step/step_guard.h"
 
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
