@@ -77,10 +77,12 @@ uint32_t pick_from_slot(const World& world, int player_index, int number) {
   return kNoType;
 }
 
-/// The weapon after (+1) or before (-1) the one in the hand, or on its way there, over all slots in a circle.
+/// The weapon after (+1) or before (-1) the one in the hand, or on its way there instead of it, over all slots in a circle.
 uint32_t pick_neighbour(const World& world, int player_index, int direction) {
   const Player& player = world.player(player_index);
-  const uint32_t present = player.pending_weapon != kNoType ? player.pending_weapon : player.ready_weapon;
+  const uint32_t present = player.ready_weapon != kNoType && player.pending_weapon != kNoType
+                               ? player.pending_weapon
+                               : player.ready_weapon;
   int number = present == kNoType ? 0 : world.catalog()[present].weapon.slot;
   if (number < 0 || number >= kSlotCount) return kNoType;
   Slot slot = weapons_in(world.catalog(), number);
@@ -109,7 +111,7 @@ uint32_t pick_neighbour(const World& world, int player_index, int direction) {
   return kNoType;
 }
 
-/// The weapon with the lowest selection order that has ammunition; with `ammo_type` only those that use it.
+/// The weapon with the lowest selection order that has ammunition for its first fire; with `ammo_type` only those that use it.
 uint32_t best_of(const World& world, int player_index, uint32_t ammo_type) {
   uint32_t best = kNoType;
   for (const InventoryItem& item : world.player(player_index).inventory) {
@@ -119,7 +121,7 @@ uint32_t best_of(const World& world, int player_index, uint32_t ammo_type) {
     if (ammo_type != kNoType && ammo_base(world.catalog(), type.weapon.ammo_type) != ammo_type) continue;
     if (best != kNoType && type.weapon.selection_order >= world.catalog()[best].weapon.selection_order)
       continue;
-    if (has_any_ammo_for(world, player_index, item.type)) best = item.type;
+    if (has_ammo_for(world, player_index, item.type)) best = item.type;
   }
   return best;
 }
@@ -128,8 +130,8 @@ uint32_t best_of(const World& world, int player_index, uint32_t ammo_type) {
 void pick_new_weapon(World& world, int player_index) {
   Player& player = player_at(world, player_index);
   const uint32_t best = best_of(world, player_index, kNoType);
-  if (best == kNoType || best == player.ready_weapon) return;
-  player.pending_weapon = best;
+  if (best == kNoType) return;
+  player.pending_weapon = best;  // perhaps the same one: it goes down and comes up again
   if (player.ready_weapon != kNoType) {
     drop_weapon(world, player_index);
   } else {

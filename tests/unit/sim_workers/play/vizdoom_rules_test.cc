@@ -430,5 +430,42 @@ TEST(VizdoomRules, TheOtherTriggerFiresAltFireWithTheSecondAmmunition) {
   EXPECT_EQ(count_item(world, 0, type("Clip")), clips);
 }
 
+constexpr const char* kWeaponStates = R"(
+      Ready: PISG A 1 A_WeaponReady loop  Select: PISG A 1 A_Raise loop  Deselect: PISG A 1 A_Lower loop
+      Fire: PISG A 4 A_FireBullets(0, 0, 1, 5, "BulletPuff", 1) goto Ready
+      AltFire: PISG A 8 A_FireBullets(0, 0, 1, 5, "BulletPuff", 1) goto Ready })";
+
+std::shared_ptr<const ActorCatalog> catalog_with(const std::string& decorate) {
+  auto own = std::make_shared<ActorCatalog>();
+  std::vector<std::string> warnings;
+  EXPECT_TRUE(parse_decorate(decorate, "test", own.get(), &warnings));
+  EXPECT_TRUE(warnings.empty()) << warnings.front();
+  return own;
+}
+
+// Probe: ALTATTACK without its ammunition, of the only weapon: ATTACK_READY is 0 for 31 tics; ATTACK without its own, but with
+// AltFire's: it stays up.
+TEST(VizdoomRules, AnEmptyAltFireTakesTheWeaponDownAndUpAgain) {
+  const auto own = catalog_with(std::string(R"(actor TwoBarrels : Weapon 20400 { Weapon.AmmoType "Clip"
+      Weapon.AmmoUse 1 Weapon.AmmoType2 "Cell" Weapon.AmmoUse2 3 States {)") +
+                                kWeaponStates + "}");
+  for (const bool alternately : {true, false}) {
+    World world(plain_room().build(), own);
+    reset_world(world, {});
+    const auto type = [&](std::string_view name) { return own->find(name).value(); };
+    for (const char* const name : {"Pistol", "Fist", "Clip"}) take_item(world, 0, type(name), 0);
+    give_item(world, 0, type("TwoBarrels"), 1);
+    give_item(world, 0, type(alternately ? "Clip" : "Cell"), 10);
+    for (int tic = 0; tic < 60; ++tic) run_tic(world, {});
+    ASSERT_TRUE(world.player(0).weapon_ready);
+    Buttons keys;
+    (alternately ? keys.alt_attack : keys.attack) = true;
+    run_tic(world, {&keys, 1});
+    int down = 0;
+    for (int tic = 0; tic < 60; ++tic, run_tic(world, {})) down += !world.player(0).weapon_ready;
+    EXPECT_EQ(down > 25, alternately) << down;
+  }
+}
+
 }  // namespace vizdoom_rules_test
 }  // namespace comrad::doom
