@@ -82,11 +82,10 @@ bool give_weapon(World& world, int player_index, uint32_t type, const Giving& gi
   Player& player = player_at(world, player_index);
   const ActorType& info = world.catalog()[type];
   const bool exact = giving.exact || info.flags.has(ActorFlag::kIgnoreSkill);
-  const bool for_all_to_come = giving.stays && world.options().deathmatch;  // two and a half times as much
   const auto ammo_of = [&](int32_t amount) {
-    return giving.from_monster ? amount / 2
-           : for_all_to_come   ? clamped_fixed(int64_t{amount} * 5 / 2)
-                               : amount;
+    return giving.from_monster          ? amount / 2
+           : world.options().deathmatch ? clamped_fixed(int64_t{amount} * 5 / 2)
+                                        : amount;
   };
   InventoryItem* owned = find_item(player, type);
   if (owned != nullptr && owned->amount > 0) {

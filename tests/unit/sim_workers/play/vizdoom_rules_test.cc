@@ -467,5 +467,14 @@ TEST(VizdoomRules, AnEmptyAltFireTakesTheWeaponDownAndUpAgain) {
   }
 }
 
+// Probe: GiveInventory("Shotgun", 1) with -deathmatch: 20 shells.
+TEST(VizdoomRules, AWeaponOfADeathmatchBringsMoreAmmunition) {
+  for (const bool deathmatch : {false, true}) {
+    Game game(plain_room().build(), {.deathmatch = deathmatch});
+    give_item(game.world, 0, game.world.catalog().find("Shotgun").value(), 1);
+    EXPECT_EQ(count_item(game.world, 0, game.world.catalog().find("Shell").value()), deathmatch ? 20 : 8);
+  }
+}
+
 }  // namespace vizdoom_rules_test
 }  // namespace comrad::doom
