@@ -114,6 +114,8 @@ struct FlatPlacement {
 
 constexpr Fixed kSectorFriction = 0xE800;  ///< of plain ground: factor per tic, 0.90625
 constexpr int32_t kSectorMoveFactor = 2048;
+constexpr Fixed kAirControl = 256;           ///< of that, what players have in the air
+constexpr int32_t kDamageIntervalTics = 32;  ///< where a map's sector hurts and does not say how often
 
 struct Sector {
   Fixed floor_height = 0, ceiling_height = 0;

@@ -34,6 +34,23 @@ bool is_polyobject_line(const WorldState& state, uint32_t line) {
   return false;
 }
 
+/// A player who steers much in the air is slowed there too. Measured in ViZDoom 1.3.2 with SetAirControl of 0.01 to 2.0: what is
+/// left of its velocity after a tic is 1.0004 - 0.0941 x air control.
+void slow_in_air(Player& player, Actor& body, Fixed air_control) {
+  if (air_control <= kAirControl) return;
+  const Fixed left = std::clamp(0x1001A + fixed_mul(-0x1817, air_control), 0, kFracUnit);
+  for (Fixed* const velocity : {&body.velocity_x, &body.velocity_y, &player.walk_x, &player.walk_y})
+    *velocity = fixed_mul(*velocity, left);
+}
+
+/// A wall that takes a player's speed takes its steps' part too.
+void limit_walk(World& world, const Actor& body) {
+  Player* const walker = world.player_of(body);
+  if (walker == nullptr) return;
+  if (std::abs(walker->walk_x) > std::abs(body.velocity_x)) walker->walk_x = body.velocity_x;
+  if (std::abs(walker->walk_y) > std::abs(body.velocity_y)) walker->walk_y = body.velocity_y;
+}
+
 /// A line of a polyobject where it is now, as the blockmap packs lines.
 BlockLine moved_line(const World& world, uint32_t line, Fixed x1, Fixed y1, Fixed x2, Fixed y2) {
   BlockLine moved = world.index().blockmap.lines()[line];
@@ -443,6 +460,7 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     const auto along_x = static_cast<Fixed>(along.dx), along_y = static_cast<Fixed>(along.dy);
     moved.velocity_x = clamped_fixed(int64_t{along_x} * steps);
     moved.velocity_y = clamped_fixed(int64_t{along_y} * steps);
+    limit_walk(world_, moved);
     if (try_move(slot, clamped_fixed(int64_t{moved.x} + along_x), clamped_fixed(int64_t{moved.y} + along_y)))
       return;
   }
@@ -459,6 +477,7 @@ void Movement::slide_along_body(std::size_t slot, Fixed x, Fixed y) {
   } else {
     state_.actors[slot].velocity_x = state_.actors[slot].velocity_y = 0;
   }
+  limit_walk(world_, state_.actors[slot]);
 }
 
 void Movement::stop_missile(std::size_t slot) {
@@ -524,10 +543,6 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
       }
       // The steps that are left go on from here with what is left of the velocity.
       const Actor& slid = state_.actors[slot];
-      if (Player* const walker = world_.player_of(slid)) {
-        walker->walk_x = std::clamp(walker->walk_x, -std::abs(slid.velocity_x), std::abs(slid.velocity_x));
-        walker->walk_y = std::clamp(walker->walk_y, -std::abs(slid.velocity_y), std::abs(slid.velocity_y));
-      }
       move_x = slid.velocity_x, move_y = slid.velocity_y;
       start_x = static_cast<Fixed>(slid.x - int64_t{move_x} * step / steps);
       start_y = static_cast<Fixed>(slid.y - int64_t{move_y} * step / steps);
@@ -537,19 +552,21 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
 
   Actor& body = state_.actors[slot];
   if (body.has(ActorFlag::kMissile) || body.has(ActorFlag::kSkullFly)) return;  // these keep their speed
-  if (body.z > body.floor_z && !stood_on_body) return;                          // no friction in the air
   Player* const player = world_.player_of(body);
+  if (body.z > body.floor_z && !stood_on_body) {
+    if (player != nullptr) slow_in_air(*player, body, state_.air_control);
+    return;
+  }
   if (!pushing && std::abs(body.velocity_x) < kStopSpeed && std::abs(body.velocity_y) < kStopSpeed) {
     body.velocity_x = body.velocity_y = 0;
     if (player != nullptr) player->walk_x = player->walk_y = 0;
   } else {
-    const Sector& ground = state_.sectors[body.sector_index];
-    const Fixed friction = ground.special_friction ? ground.friction : kGroundFriction;
+    const Fixed friction = footing_of(world_, body).friction;
     body.velocity_x = fixed_mul(body.velocity_x, friction);
     body.velocity_y = fixed_mul(body.velocity_y, friction);
     if (player != nullptr) {
-      player->walk_x = fixed_mul(player->walk_x, friction);
-      player->walk_y = fixed_mul(player->walk_y, friction);
+      player->walk_x = fixed_mul(player->walk_x, kGroundFriction);
+      player->walk_y = fixed_mul(player->walk_y, kGroundFriction);
     }
   }
 }
@@ -621,6 +638,28 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
 
 MoveResult try_move_monster(World& world, Actor& monster, Fixed x, Fixed y) {
   return Movement(world).try_move_with_result(world.slot_of(monster), x, y);
+}
+
+Footing footing_of(const World& world, const Actor& body) {
+  Footing footing;
+  if (!world.state().has_special_friction) return footing;
+  bool found = false;
+  const auto stand_on = [&](const Sector& sector) {
+    if (!sector.special_friction || body.z > sector.floor_height) return;
+    if (found && sector.friction >= footing.friction) return;
+    found = true;
+    footing = {.friction = sector.friction, .move_factor = sector.move_factor};
+  };
+  const auto& sectors = world.state().sectors;
+  stand_on(sectors[body.sector_index]);
+  const Box box = Box::around(body.x, body.y, body.radius);
+  world.index().blockmap.for_each_line(box, [&](const BlockLine& line) {
+    if (line.back_sector < 0 || !line.crosses(box)) return true;
+    stand_on(sectors[static_cast<std::size_t>(line.front_sector)]);
+    stand_on(sectors[static_cast<std::size_t>(line.back_sector)]);
+    return true;
+  });
+  return footing;
 }
 
 PositionCheck opening_of_point(const World& world, Fixed x, Fixed y) {

@@ -123,6 +123,14 @@ class Movement {
 /// height afterwards.
 MoveResult try_move_monster(World& world, Actor& monster, Fixed x, Fixed y);
 
+/// What the ground does to a body on it. Of several sectors of ice or mud under its box the one of the lowest friction counts; a
+/// sector whose floor is below its feet does not.
+struct Footing {
+  Fixed friction = kGroundFriction;
+  int32_t move_factor = kSectorMoveFactor;
+};
+Footing footing_of(const World& world, const Actor& body);
+
 /// The floor and the ceiling at a point, without regard to what a body there would touch.
 PositionCheck opening_of_point(const World& world, Fixed x, Fixed y);
 

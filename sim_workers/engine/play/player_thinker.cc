@@ -19,7 +19,7 @@ constexpr int32_t kTurnSlow = 320, kTurnWalk = 640, kTurnRun = 1280;
 constexpr int kSlowTurnTics = 5;
 // Pushes, in 1/32 unit per tic^2.
 constexpr int32_t kForwardWalk = 25, kForwardRun = 50, kSideWalk = 24, kSideRun = 40;
-constexpr Fixed kPushUnit = kFracUnit / 32;
+constexpr Fixed kPowerSpeed = kFracUnit * 3 / 2;
 constexpr int kTurnAroundTics = 9;
 constexpr int kJumpForgottenTics = 19;  // from a jump without a landing to the next, plus one
 constexpr int32_t kLookWalk = 450, kLookRun = 512;
@@ -126,25 +126,27 @@ Fixed PlayerThinker::eye_height(const Player& player) {
 void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   const bool on_ground = player.on_ground;
   const Fixed air_control = world_.state().air_control;
-  // Ice and mud.
-  const Sector& ground = world_.state().sectors[body.sector_index];
-  const int32_t move_factor = !on_ground ? fixed_mul(kSectorMoveFactor, air_control)
-                              : ground.special_friction && body.z <= ground.floor_height ? ground.move_factor
-                                                                                         : kSectorMoveFactor;
-  // Scripts make players faster or slower (APROP_Speed); who crouches is slower too. 256 to a unit of
-  // the keys.
-  const auto strength_of = [&](int32_t units) {
-    return fixed_mul(fixed_mul(units * 256, body.speed), player.crouch_factor);
+  const Footing footing = footing_of(world_, body);
+  const int32_t move_factor = on_ground ? footing.move_factor : fixed_mul(kSectorMoveFactor, air_control);
+  // The bob does not show that feet slip on ice.
+  const int32_t step_factor =
+      on_ground && footing.friction > kGroundFriction ? kSectorMoveFactor : move_factor;
+  // Scripts make players faster or slower (APROP_Speed), which the bob does not show; who crouches is slower too.
+  // 256 to a unit of the keys.
+  const auto strength_of = [&](int32_t units, Fixed speed) {
+    return fixed_mul(fixed_mul(units * 256, speed), player.crouch_factor);
   };
-  const auto thrust = [&](int32_t strength, Angle angle) {
-    const auto force =
-        static_cast<Fixed>(std::clamp<int64_t>(int64_t{strength} * move_factor / 256, -kPushMax, kPushMax));
-    const Fixed before_x = body.velocity_x, before_y = body.velocity_y;
-    body.push(angle, force);
-    player.walk_x = clamped_fixed(int64_t{player.walk_x} + body.velocity_x - before_x);
-    player.walk_y = clamped_fixed(int64_t{player.walk_y} + body.velocity_y - before_y);
+  const auto force_of = [](int32_t strength, int32_t factor) {
+    return static_cast<Fixed>(std::clamp<int64_t>(int64_t{strength} * factor / 256, -kPushMax, kPushMax));
   };
-  const int32_t forward = strength_of(forward_units(buttons)), side = strength_of(side_units(buttons));
+  const Fixed speed = player.has_power(PowerKind::kSpeed) ? fixed_mul(body.speed, kPowerSpeed) : body.speed;
+  const auto thrust = [&](int32_t units, Angle angle) {
+    body.push(angle, force_of(strength_of(units, speed), move_factor));
+    const Fixed step = force_of(strength_of(units, kFracUnit), step_factor);
+    player.walk_x = clamped_fixed(int64_t{player.walk_x} + fixed_mul(step, fine_cosine(angle)));
+    player.walk_y = clamped_fixed(int64_t{player.walk_y} + fixed_mul(step, fine_sine(angle)));
+  };
+  const int32_t forward = forward_units(buttons), side = side_units(buttons);
   if (forward != 0) thrust(forward, body.angle);
   if (side != 0) thrust(side, body.angle - kAngle90);
 

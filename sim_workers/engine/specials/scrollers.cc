@@ -137,7 +137,7 @@ int32_t set_friction(World& world, const SpecialCall& call) {
     Sector& sector = world.state().sectors[index];
     sector.friction = static_cast<Fixed>(friction);
     sector.move_factor = static_cast<int32_t>(std::max<int64_t>(grip, 32));
-    sector.special_friction = true;
+    sector.special_friction = world.state().has_special_friction = true;
   });
   return 1;
 }
@@ -303,6 +303,7 @@ std::optional<int32_t> execute_scroller(World& world, const SpecialCall& call) {
     }
     case Special::kScroll_Texture_Left:  // speed in 64ths, parts
       return own_line(texture_speed(a[0]), 0);
+        world.state().has_special_friction |= sector.special_friction;
     case Special::kScroll_Texture_Right:
       return own_line(-texture_speed(a[0]), 0);
     case Special::kScroll_Texture_Up:

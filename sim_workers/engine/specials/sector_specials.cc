@@ -121,6 +121,7 @@ void start_sector_specials(World& world) {
     if ((sector.special & kSecretBit) != 0) sector.secret = true;
     if ((sector.special & kFrictionBit) != 0) sector.special_friction = true;
     state.secret_total += sector.secret;
+    state.has_special_friction |= sector.special_friction;
   }
 }
 

@@ -86,8 +86,9 @@ struct WorldState {
   std::array<int32_t, 64> globals{};  ///< ACS global variables; 1..60 are USER1..USER60, 0 ViZDoom's reward
   int32_t monster_count = 0, item_total = 0, secret_total = 0;  ///< of the map
   int32_t kill_total = 0, item_taken = 0, secret_found = 0;     ///< by all
+  bool has_special_friction = false;                            ///< some sector is ice or mud
   Fixed gravity = kFracUnit;                                    ///< units/tic^2
-  Fixed air_control = 256;
+  Fixed air_control = kAirControl;
   std::vector<uint32_t> corpse_ids;
   struct BrainState {
     uint32_t next_spot = 0;

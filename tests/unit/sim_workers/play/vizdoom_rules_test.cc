@@ -476,5 +476,50 @@ TEST(VizdoomRules, AWeaponOfADeathmatchBringsMoreAmmunition) {
   }
 }
 
+// Probe: Sector_SetFriction of a part of the room that only the player's box reaches: it slides as in it. Where the floor of
+// that part lies lower, it does not.
+TEST(VizdoomRules, GroundThatTheBoxTouchesSlowsOrSlides) {
+  for (const int step : {0, -8}) {
+    Game game(cliff(step, 256, 505));
+    Sector& ice = game.world.state().sectors[1];
+    ice.special_friction = game.world.state().has_special_friction = true;
+    ice.friction = 0xF000;
+    game.body().velocity_y = to_fixed(4);
+    game.tic();
+    EXPECT_EQ(game.body().velocity_y, fixed_mul(to_fixed(4), step == 0 ? 0xF000 : 0xE800)) << step;
+  }
+}
+
+// Probe: SetAirControl(1.0), then 7.25 units a tic in the air: 6.5706, 5.9549, ...; a thing keeps its 7.25.
+TEST(VizdoomRules, AirControlSlowsPlayersInTheAir) {
+  Game game(plain_room().build());
+  game.world.state().air_control = kFracUnit;
+  set_position(game.world, game.body().id, to_fixed(200), 0, to_fixed(100));
+  game.body().velocity_x = 475136;
+  game.tic();
+  EXPECT_EQ(game.body().velocity_x, 430613);
+}
+
+// Probe: VIEW_HEIGHT with APROP_Speed 0.5 and 2.0: the same as with 1.0.
+TEST(VizdoomRules, TheBobDoesNotShowTheSpeedOfAScript) {
+  Game slow(plain_room().build()), plain(plain_room().build());
+  slow.body().speed = kFracUnit / 2;
+  Buttons keys;
+  keys.forward = true;
+  for (int tic = 0; tic < 5; ++tic) slow.tic(keys), plain.tic(keys);
+  EXPECT_LT(slow.body().velocity_x, plain.body().velocity_x);
+  EXPECT_EQ(slow.world.player(0).bob, plain.world.player(0).bob);
+}
+
+// Probe: PowerSpeed, on the ground and in the air: half as much again.
+TEST(VizdoomRules, PowerSpeedPushesHalfAsMuchAgain) {
+  Game fast(plain_room().build()), plain(plain_room().build());
+  give_item(fast.world, 0, fast.world.catalog().find("PowerSpeed").value(), 1);
+  Buttons keys;
+  keys.forward = true;
+  fast.tic(keys), plain.tic(keys);
+  EXPECT_EQ(fast.body().velocity_x / 3, plain.body().velocity_x / 2);
+}
+
 }  // namespace vizdoom_rules_test
 }  // namespace comrad::doom
