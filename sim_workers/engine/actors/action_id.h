@@ -26,7 +26,7 @@ namespace comrad::doom {
   X(JumpIfInTargetInventory) X(JumpIf) X(JumpIfMasterCloser) X(JumpIfTracerCloser) X(CheckSight) \
   X(CheckFloor) X(CheckCeiling) X(MonsterRefire) X(GiveInventory) X(TakeInventory) X(GiveToTarget) \
   X(TakeFromTarget) X(SetSpecial) X(ChangeFlag) X(SetArg) X(ACS_Execute) X(ACS_ExecuteAlways) \
-  X(ACS_ExecuteWithResult) X(ACS_NamedExecuteAlways) X(ACS_Terminate) X(Thing_Remove) X(FadeIn) \
+  X(ACS_ExecuteWithResult) X(ACS_NamedExecuteAlways) X(ACS_Terminate) X(Thing_Remove) X(CallSpecial) X(FadeIn) \
   X(FadeOut) X(FadeTo) X(SetTranslucent) X(SetScale) X(ScaleVelocity) X(ChangeVelocity) X(SetAngle) \
   X(SetPitch) X(Gravity) X(NoGravity) X(LowGravity) X(SetGravity) X(Stop) X(ThrustThing) X(Recoil) \
   X(SetSolid) X(UnsetSolid) X(SetShootable) X(UnSetShootable) X(SetFloat) X(UnSetFloat) \

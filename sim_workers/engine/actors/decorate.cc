@@ -8,6 +8,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/action_arguments.h"
 #include "sim_workers/engine/actors/decorate_expression.h"
@@ -533,7 +534,12 @@ class DecorateParser {
   }
 
   Status action(const Token& name, State* state, std::vector<PendingArg>* args) {
-    const std::optional<ActionId> id = find_action(name.text);
+    std::optional<ActionId> id = find_action(name.text);
+    // Every special of lines is an action too, by its name.
+    if (const std::optional<int32_t> special = id ? std::nullopt : wad::find_special(name.text)) {
+      id = ActionId::kCallSpecial;
+      args->emplace_back().value = {ActionArg::Kind::kInteger, *special, 0};
+    }
     if (!id) warn(name, "unknown action function " + name.text);
     state->action = id.value_or(ActionId::kNone);
     if (!lexer_.peek().is("(")) return {};

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "sim_workers/engine/actors/flag_names.h"
 #include "sim_workers/engine/play/actions.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/hitscan.h"
@@ -213,21 +214,19 @@ void for_each_child(ActionCall& call, Visit visit) {
 void call_special(ActionCall& call, int32_t number) {
   SpecialCall special{.number = number, .activator = &call.self};
   for (std::size_t i = 0; i < special.args.size(); ++i) special.args[i] = call.integer(i, 0);
-  call.world.events().run_special(call.world, special);
+  call.succeeded = call.world.events().run_special(call.world, special) != 0;
 }
 
 /// Gives to a player, or heals another actor.
-void give(World& world, Actor* taker, uint32_t type, int32_t amount) {
-  if (taker == nullptr || type == kNoType) return;
-  if (taker->player_index >= 0) {
-    give_item(world, taker->player_index, type, amount);
-  } else if (world.catalog()[type].item_class == ItemClass::kHealth) {
-    heal_actor(world, *taker, amount > 0 ? amount : world.catalog()[type].amount);
-  }
+bool give(World& world, Actor* taker, uint32_t type, int32_t amount) {
+  if (taker == nullptr || type == kNoType) return false;
+  if (taker->player_index >= 0) return give_item(world, taker->player_index, type, amount);
+  return world.catalog()[type].item_class == ItemClass::kHealth &&
+         heal_actor(world, *taker, amount > 0 ? amount : world.catalog()[type].amount) > 0;
 }
-void take(World& world, Actor* owner, uint32_t type, int32_t amount) {
-  if (owner != nullptr && type != kNoType && owner->player_index >= 0)
-    take_item(world, owner->player_index, type, amount);
+bool take(World& world, Actor* owner, uint32_t type, int32_t amount) {
+  return owner != nullptr && type != kNoType && owner->player_index >= 0 &&
+         take_item(world, owner->player_index, type, amount) > 0;
 }
 bool owns(World& world, const Actor* owner, uint32_t type, int32_t amount) {
   if (owner == nullptr || type == kNoType || owner->player_index < 0) return false;
@@ -847,16 +846,20 @@ void action_MonsterRefire(ActionCall& call) {
 // ---------------------------------------------------------------- items, specials, scripts
 
 void action_GiveInventory(ActionCall& call) {
-  give(call.world, pointed(call, 2, &call.self), call.type(0), std::max(call.integer(1, 1), 1));
+  call.succeeded =
+      give(call.world, pointed(call, 2, &call.self), call.type(0), std::max(call.integer(1, 1), 1));
 }
 void action_TakeInventory(ActionCall& call) {
-  take(call.world, pointed(call, 2, &call.self), call.type(0), std::max(call.integer(1, 0), 0));
+  call.succeeded =
+      take(call.world, pointed(call, 2, &call.self), call.type(0), std::max(call.integer(1, 0), 0));
 }
 void action_GiveToTarget(ActionCall& call) {
-  give(call.world, target_of(call.world, call.self), call.type(0), std::max(call.integer(1, 1), 1));
+  call.succeeded =
+      give(call.world, target_of(call.world, call.self), call.type(0), std::max(call.integer(1, 1), 1));
 }
 void action_TakeFromTarget(ActionCall& call) {
-  take(call.world, target_of(call.world, call.self), call.type(0), std::max(call.integer(1, 0), 0));
+  call.succeeded =
+      take(call.world, target_of(call.world, call.self), call.type(0), std::max(call.integer(1, 0), 0));
 }
 
 void action_SetSpecial(ActionCall& call) {
@@ -870,8 +873,15 @@ void action_SetArg(ActionCall& call) {
 }
 
 void action_ChangeFlag(ActionCall& call) {
-  const std::optional<ActorFlag> flag = std::nullopt;  // PENDING flag names
-  if (flag) set_flag(call, *flag, call.boolean(1));
+  if (const std::optional<ActorFlag> flag = find_flag(text_of(call, 0)))
+    set_flag(call, *flag, call.boolean(1));
+}
+
+void action_CallSpecial(ActionCall& call) {
+  // A number, then up to five arguments.
+  SpecialCall special{.number = call.integer(0, 0), .activator = &call.self};
+  for (std::size_t i = 0; i < special.args.size(); ++i) special.args[i] = call.integer(i + 1, 0);
+  call.succeeded = call.world.events().run_special(call.world, special) != 0;
 }
 
 void action_ACS_Execute(ActionCall& call) { call_special(call, Special::kACS_Execute); }

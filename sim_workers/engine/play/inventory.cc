@@ -235,7 +235,13 @@ bool give_backpack(World& world, Player& player, bool depleted) {
   return true;
 }
 
-/// Runs the actions of a sequence of states at once. True where one of them did something.
+/// Questions and messages are no use of an item.
+bool is_idle(ActionId action) {
+  const std::string_view name = action_name(action);
+  return name.starts_with("Jump") || name == "Log" || name.starts_with("Print");
+}
+
+/// Runs the actions of a sequence of states at once. True where one of them did something and it did not end with "fail".
 bool run_sequence(World& world, int player_index, uint32_t state) {
   Player& player = player_at(world, player_index);
   Actor* body = world.actor(player.actor_id);
@@ -252,9 +258,10 @@ bool run_sequence(World& world, int player_index, uint32_t state) {
                       .state = entered,
                       .args = world.catalog().args(entered)};
       run_action(call);
-      succeeded |= call.succeeded;
+      succeeded |= call.succeeded && !is_idle(entered.action);
       if (call.has_jump) next = call.jump;
     }
+    if (entered.fails && next == kNoState) return false;
     if (next == state) break;
     state = next;
   }

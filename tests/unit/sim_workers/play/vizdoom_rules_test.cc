@@ -511,6 +511,45 @@ TEST(VizdoomRules, TheBobDoesNotShowTheSpeedOfAScript) {
   EXPECT_EQ(slow.world.player(0).bob, plain.world.player(0).bob);
 }
 
+// Probe: a custom item in the way, 60 units ahead: what of Pickup lets it be taken.
+TEST(VizdoomRules, WhatMakesACustomItemsPickup) {
+  const std::vector<std::pair<std::string, bool>> pickups = {
+      {"A_GiveInventory(\"Cell\", 30) fail", false},
+      {"A_GiveInventory(\"Cell\", 30) stop", true},
+      {"A_GiveInventory(\"Stimpack\", 1) stop", false},
+      {"A_TakeInventory(\"Cell\", 3) stop", false},
+      {"HealThing(5) stop", true},
+      {"Floor_RaiseByValue(77, 8, 8) stop", false},
+      {"A_CallSpecial(248, 5) stop", true},
+      {"A_JumpIfHealthLower(1, \"Spawn\") stop", false},
+      {"A_Log(\"x\") stop", false}};
+  for (const auto& [pickup, taken] : pickups) {
+    const auto own =
+        catalog_with("actor C : CustomInventory 20202 { States { Spawn: TNT1 A -1 stop Pickup: TNT1 A 0 " +
+                     pickup + " } }");
+    test::LevelBuilder room = plain_room();
+    room.thing(20202, 128, 0, 0, 5);
+    World world(room.build(), own);
+    reset_world(world, {});
+    world.body_of(0)->velocity_x = to_fixed(1);
+    run_tic(world, {});
+    EXPECT_EQ(world.find_thing(5) == nullptr, taken) << pickup;
+  }
+}
+
+// Probe: A_ChangeFlag("NOGRAVITY", 1) in a state of a thing that falls: it stays where it is.
+TEST(VizdoomRules, AChangedFlagCounts) {
+  const auto own = catalog_with(
+      "actor F 20202 { States { Spawn: TNT1 A 1\n TNT1 A 1 A_ChangeFlag(\"NOGRAVITY\", 1)\n TNT1 A -1\n stop "
+      "} }");
+  test::LevelBuilder room = plain_room();
+  room.thing(20202, 400, 0, 0, 5);
+  World world(room.build(), own);
+  reset_world(world, {});
+  run_tic(world, {}), run_tic(world, {});
+  EXPECT_TRUE(world.find_thing(5)->has(ActorFlag::kNoGravity));
+}
+
 // Probe: PowerSpeed, on the ground and in the air: half as much again.
 TEST(VizdoomRules, PowerSpeedPushesHalfAsMuchAgain) {
   Game fast(plain_room().build()), plain(plain_room().build());
