@@ -522,10 +522,10 @@ void action_CustomMissile(ActionCall& call) {
     if (target->has(ActorFlag::kShadow)) way.angle += static_cast<Angle>(world.random_triangle()) << 20;
   }
   if (uses_pitch) {
-    Angle pitch = angle_of_degrees(call.fixed(5, 0));  // positive down
-    if ((flags & kOffsetPitch) != 0) pitch -= angle_to(0, 0, way.flat_speed, way.velocity_z);
+    Angle pitch = angle_of_degrees(call.fixed(5, 0));  // positive up
+    if ((flags & kOffsetPitch) != 0) pitch += angle_to(0, 0, way.flat_speed, way.velocity_z);
     way.flat_speed = fixed_mul(speed, fine_cosine(pitch));
-    way.velocity_z = clamped_fixed(-int64_t{fixed_mul(speed, fine_sine(pitch))});
+    way.velocity_z = fixed_mul(speed, fine_sine(pitch));
   }
   way.angle = (flags & kAbsoluteAngle) != 0 ? turn : way.angle + turn;
   launch(world, self, type, way, (flags & kTrackOwner) != 0);

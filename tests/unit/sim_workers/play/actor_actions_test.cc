@@ -116,7 +116,7 @@ TEST(CustomMissile, FollowsItsOwnAngleWithoutATarget) {
   Actor& ball = newest(stage);
   ASSERT_EQ(stage.world.type_of(ball).name, "DoomImpBall");
   EXPECT_NEAR(to_double(ball.velocity_y), 10 * 0.866, 0.1);
-  EXPECT_NEAR(to_double(ball.velocity_z), 5, 0.1);  // a pitch below zero climbs
+  EXPECT_NEAR(to_double(ball.velocity_z), -5, 0.1);  // a pitch below zero falls, as in ViZDoom
 }
 
 TEST(CustomMissile, AimsAtTheHeightOfItsTarget) {
