@@ -1,6 +1,7 @@
 #include "sim_workers/engine/acs/actor_calls.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/actor_properties.h"
@@ -85,12 +86,14 @@ int32_t spawn_thing(const Caller& caller, int32_t type_name, Fixed x, Fixed y, F
   return spawn_actor(world, type, x, y, z, angle, thing_id, force).has_value() ? 1 : 0;
 }
 
+constexpr Angle kByteAngleMask = 0xFF000000;  // scripts hand angles on as bytes
+
 int32_t spawn_at_spots(const Caller& caller, int32_t type_name, int32_t spot_id, int32_t thing_id,
                        Angle angle, bool facing, bool force) {
   int32_t count = 0;
   caller.each_actor(spot_id, [&](Actor& spot) {
-    count +=
-        spawn_thing(caller, type_name, spot.x, spot.y, spot.z, thing_id, facing ? spot.angle : angle, force);
+    count += spawn_thing(caller, type_name, spot.x, spot.y, spot.z, thing_id,
+                         facing ? spot.angle & kByteAngleMask : angle, force);
   });
   return count;
 }
@@ -113,9 +116,11 @@ int32_t spawn_projectile(const Caller& caller, int32_t source_id, uint32_t named
     made.velocity_x = fixed_mul(velocity(speed), fine_cosine(angle));
     made.velocity_y = fixed_mul(velocity(speed), fine_sine(angle));
     made.velocity_z = velocity(rise);
+    const double x = made.velocity_x, y = made.velocity_y, z_speed = made.velocity_z;
+    made.speed = static_cast<Fixed>(std::min(std::sqrt(x * x + y * y + z_speed * z_speed), 2e9));
     if (gravity != 0) {
       made.set(ActorFlag::kNoGravity, false);
-      if (gravity == 1) made.set(ActorFlag::kLowGravity);
+      if (gravity == 1) made.gravity = kFracUnit / 8;
     } else {
       made.set(ActorFlag::kNoGravity);
     }

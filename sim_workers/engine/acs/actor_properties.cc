@@ -212,7 +212,7 @@ int32_t get_actor_property(const Caller& caller, const Actor* actor, int32_t pro
     case ActorProperty::kGravity:
       return actor->gravity;
     case ActorProperty::kFriendly:
-      return actor->has(ActorFlag::kFriendly);
+      return actor->player_index >= 0 || actor->has(ActorFlag::kFriendly);
     case ActorProperty::kSpawnHealth:
       return actor->player_index >= 0 ? 0 : actor->start_health;
     case ActorProperty::kDropped:

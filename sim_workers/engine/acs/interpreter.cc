@@ -18,6 +18,7 @@
 #include "sim_workers/engine/acs/strings.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/placement.h"
+#include "sim_workers/engine/play/player_thinker.h"
 #include "sim_workers/engine/play/weapons.h"
 #include "sim_workers/engine/specials/line_specials.h"
 
@@ -1269,7 +1270,10 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kSetActorPitch: {
       const auto [thing_id, pitch] = take<2>();
       const Angle wanted = to_angle(pitch);
-      caller_.each_actor(thing_id, [&](Actor& actor) { actor.pitch = wanted; });
+      caller_.each_actor(thing_id, [&](Actor& actor) {
+        actor.pitch =
+            actor.player_index >= 0 ? PlayerThinker::clamped_pitch(static_cast<int32_t>(wanted)) : wanted;
+      });
       return;
     }
     case PCode::kSetActorPosition: {
@@ -1363,7 +1367,8 @@ void Interpreter::execute_call(PCode code) {
     }
     case PCode::kCheckActorInventory: {
       const auto [thing_id, name] = take<2>();
-      return push(check_inventory(caller_, caller_.one_actor(thing_id), name));
+      const Actor* const owner = thing_id != 0 ? caller_.one_actor(thing_id) : nullptr;  // 0 is nobody here
+      return push(check_inventory(caller_, owner, name));
     }
     case PCode::kUseInventory:
       top() = use_inventory(caller_, caller_.activator(), caller_.activator() == nullptr, top());

@@ -191,7 +191,7 @@ void tic_machine(World& world) {
   machine.old_buttons.resize(static_cast<std::size_t>(world.player_count()));
   for (int player = 0; player < world.player_count(); ++player) {
     uint32_t& bits = machine.old_buttons[static_cast<std::size_t>(player)];
-    bits = button_bits(world.player(player).buttons, bits);
+    bits = button_bits(world, world.player(player).buttons, bits);
   }
 }
 

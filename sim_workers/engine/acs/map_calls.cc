@@ -275,13 +275,14 @@ int32_t player_info(const World& world, int32_t player, int32_t what) {
   }
 }
 
-uint32_t button_bits(const Buttons& buttons, uint32_t before) {
+uint32_t button_bits(const World& world, const Buttons& buttons, uint32_t before) {
   uint32_t bits = 0;
   const auto add = [&](bool pressed, int bit) { bits |= pressed ? 1u << bit : 0u; };
   add(buttons.attack, 0), add(buttons.use, 1), add(buttons.jump, 2), add(buttons.crouch, 3);
   add(buttons.turn_180 && (before & kTurnAroundHeld) == 0, 4), add(buttons.alt_attack, 5),
       add(buttons.reload, 6), add(buttons.zoom, 7);
-  add(buttons.speed, 8), add(buttons.strafe, 9), add(buttons.right, 10), add(buttons.left, 11);
+  add(buttons.speed != world.options().always_run, 8),  // the key, not what it means
+      add(buttons.strafe, 9), add(buttons.right, 10), add(buttons.left, 11);
   add(buttons.backward, 12), add(buttons.forward, 13), add(buttons.turn_right, 14),
       add(buttons.turn_left, 15);
   add(buttons.look_up, 16), add(buttons.look_down, 17), add(buttons.move_up, 18), add(buttons.move_down, 19);
@@ -305,9 +306,9 @@ int32_t player_input(const World& world, int32_t player, int32_t what) {
     case 0:
       return shown(before);
     case 1:
-      return shown(button_bits(buttons, before));
+      return shown(button_bits(world, buttons, before));
     case 2:
-      return static_cast<int16_t>(PlayerThinker::pitch_units(buttons));
+      return world.options().free_look ? static_cast<int16_t>(PlayerThinker::pitch_units(buttons)) : 0;
     case 3:
       return static_cast<int16_t>(PlayerThinker::yaw_units(one, buttons));
     case 5:

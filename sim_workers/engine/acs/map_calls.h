@@ -44,6 +44,6 @@ int32_t player_info(const World& world, int32_t player, int32_t what);
 /// INPUT_ numbers.
 int32_t player_input(const World& world, int32_t player, int32_t what);
 /// BT_ bits, and what player_input() remembers. `before` of the same player in the tic before.
-uint32_t button_bits(const Buttons& buttons, uint32_t before);
+uint32_t button_bits(const World& world, const Buttons& buttons, uint32_t before);
 
 }  // namespace comrad::doom::acs

@@ -202,7 +202,9 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
     case BuiltIn::kCheckFlag: {
       const Actor* actor = caller.one_actor(args[0]);
       const std::optional<ActorFlag> flag = doom::find_flag(caller.text(args[1]));
-      return value(actor != nullptr && flag && actor->has(*flag));
+      const bool is_set = actor != nullptr && flag &&
+                          (actor->has(*flag) || (*flag == ActorFlag::kFriendly && actor->player_index >= 0));
+      return value(is_set);
     }
     case BuiltIn::kSetPointer: {
       Actor* self = caller.activator();

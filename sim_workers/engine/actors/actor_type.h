@@ -164,6 +164,7 @@ enum class ActorFlag : uint8_t {
   kAdditiveTime,
   kNoScreenFlash,
   kTossed,
+  kScriptSpawned,  ///< an item of a script; no lump can name it
   kPersistentPower,
   // Weapons.
   kWeaponNoAutoFire,

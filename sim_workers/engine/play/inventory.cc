@@ -386,11 +386,12 @@ bool touch_item(World& world, Actor& body, Actor& item) {
   const ActorType& type = world.type_of(item);
   const bool stays = stays_for_others(world, item);
   const bool dropped = item.has(ActorFlag::kDropped);
-  bool taken = give(world, player_index, item.type,
-                    {.amount = item.amount,
-                     .from_monster = dropped && !item.has(ActorFlag::kTossed),
-                     .without_ammo = item.has(ActorFlag::kTossed) && type.item_class == ItemClass::kWeapon,
-                     .stays = stays});
+  bool taken =
+      give(world, player_index, item.type,
+           {.amount = item.amount,
+            .from_monster = dropped && !item.has(ActorFlag::kTossed) && !item.has(ActorFlag::kScriptSpawned),
+            .without_ammo = item.has(ActorFlag::kTossed) && type.item_class == ItemClass::kWeapon,
+            .stays = stays});
   if (!taken && type.flags.has(ActorFlag::kAlwaysPickup) && !stays) taken = true;
   if (!taken) return false;
 

@@ -73,6 +73,10 @@ int64_t PlayerThinker::pitch_units(const Buttons& buttons) {
   return int64_t{keys} + buttons.pitch_delta;
 }
 
+Angle PlayerThinker::clamped_pitch(int64_t pitch) {
+  return static_cast<Angle>(static_cast<int32_t>(std::clamp<int64_t>(pitch, kPitchUpMax, kPitchDownMax)));
+}
+
 void PlayerThinker::turn(Player& player, Actor& body, const Buttons& buttons) {
   // Turning round takes nine tics in which nothing else turns.
   if (player.turn_180_tics > 0) {
@@ -90,9 +94,7 @@ void PlayerThinker::look(Actor& body, const Buttons& buttons) {
   }
   const int64_t units = pitch_units(buttons);
   if (units == 0) return;
-  const int64_t pitch = int64_t{static_cast<int32_t>(body.pitch)} - units * (1 << 16);
-  body.pitch =
-      static_cast<Angle>(static_cast<int32_t>(std::clamp<int64_t>(pitch, kPitchUpMax, kPitchDownMax)));
+  body.pitch = clamped_pitch(int64_t{static_cast<int32_t>(body.pitch)} - units * (1 << 16));
 }
 
 void PlayerThinker::crouch(Player& player, Actor& body, const Buttons& buttons) {

@@ -21,6 +21,8 @@ class PlayerThinker {
   /// Turn of the keys and deltas together, in 65536ths of a circle; left and up are positive.
   static int32_t yaw_units(const Player& player, const Buttons& buttons);
   static int64_t pitch_units(const Buttons& buttons);
+  /// As far up or down as a player looks; positive is down.
+  static Angle clamped_pitch(int64_t pitch);
   /// True in the four states of its walk.
   static bool is_walking(const World& world, const Actor& body);
 

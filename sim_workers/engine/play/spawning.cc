@@ -169,7 +169,6 @@ void spawn_map_things(World& world) {
     actor.spawn_x = thing.x, actor.spawn_y = thing.y, actor.spawn_z = actor.z,
     actor.spawn_angle = actor.angle;
     if (actor.has(ActorFlag::kCountKill) && !actor.has(ActorFlag::kFriendly)) ++world.state().monster_count;
-    if (actor.has(ActorFlag::kCountItem)) ++world.state().item_total;
     if (actor.has(ActorFlag::kCountSecret)) ++world.state().secret_total;
     if (actor.has(ActorFlag::kDormant)) actor.tics = -1;
     if (actor.health <= 0) kill_actor(world, actor, nullptr, nullptr);  // the map has it dead
@@ -229,6 +228,9 @@ std::optional<uint32_t> spawn_actor(World& world, uint32_t type, Fixed x, Fixed 
     world.drop_last_actor();
     return std::nullopt;
   }
+  // An item of a script counts as dropped, and brings all that is in it.
+  if (world.type_of(actor).item_class != ItemClass::kNone)
+    actor.set(ActorFlag::kDropped), actor.set(ActorFlag::kScriptSpawned);
   if (actor.has(ActorFlag::kCountKill)) ++world.state().monster_count;
   return actor.id;
 }

@@ -103,6 +103,7 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   state_.actors.push_back(std::move(actor));
   state_.links.push_back(ThingLink{});
   ++state_.type_counts[type_index];
+  if (type.flags.has(ActorFlag::kCountItem)) ++state_.item_total;
   const std::size_t slot = state_.actors.size() - 1;
   link_slot(slot);
   return slot;
@@ -203,6 +204,7 @@ void World::drop_last_actor() {
   const std::size_t slot = state_.actors.size() - 1;
   unlink_slot(slot);
   --state_.type_counts[state_.actors[slot].type];
+  if (state_.actors[slot].has(ActorFlag::kCountItem)) --state_.item_total;
   state_.actors.pop_back();
   state_.links.pop_back();
   --state_.next_actor_id;

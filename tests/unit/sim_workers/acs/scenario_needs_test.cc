@@ -38,6 +38,7 @@ struct Scene {
         buttons(static_cast<std::size_t>(players)) {
     WorldOptions options;
     options.player_count = players;
+    options.free_look = true;
     reset_world(world, options);
   }
   Actor& spawn(std::string_view type, int x, int y, int degrees = 0) {

@@ -550,6 +550,19 @@ TEST(VizdoomRules, AChangedFlagCounts) {
   EXPECT_TRUE(world.find_thing(5)->has(ActorFlag::kNoGravity));
 }
 
+// Probe: SpawnForced of a shotgun: CheckFlag DROPPED is 1, it brings 8 shells. Of a soul sphere: LEVELINFO_TOTAL_ITEMS is 1 more.
+TEST(VizdoomRules, AnItemOfAScriptIsDroppedAndCounts) {
+  Game game(plain_room().build());
+  const auto type = [&](std::string_view name) { return game.world.catalog().find(name).value(); };
+  const uint32_t gun = spawn_actor(game.world, type("Shotgun"), game.body().x, 0, 0, 0, 5).value();
+  EXPECT_TRUE(game.world.actor(gun)->has(ActorFlag::kDropped));
+  ASSERT_TRUE(touch_item(game.world, game.body(), *game.world.actor(gun)));
+  EXPECT_EQ(count_item(game.world, 0, type("Shell")), 8);
+  const int32_t items = game.world.state().item_total;
+  ASSERT_TRUE(spawn_actor(game.world, type("Soulsphere"), to_fixed(400), 0, 0, 0, 6));
+  EXPECT_EQ(game.world.state().item_total, items + 1);
+}
+
 // Probe: PowerSpeed, on the ground and in the air: half as much again.
 TEST(VizdoomRules, PowerSpeedPushesHalfAsMuchAgain) {
   Game fast(plain_room().build()), plain(plain_room().build());
