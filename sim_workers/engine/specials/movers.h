@@ -13,6 +13,9 @@ namespace comrad::doom {
 /// of them.
 std::optional<int32_t> execute_mover_special(World& world, const SpecialCall& call);
 
+/// Floors that carry push what stands on them, before it moves.
+void carry_bodies(World& world);
+
 /// One tic of lights, scrollers and switches, and of the planes' first `count` movers. Returns where those that began
 /// after them are now.
 std::size_t tic_movers(World& world, std::size_t count = SIZE_MAX);

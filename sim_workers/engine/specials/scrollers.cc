@@ -70,16 +70,21 @@ std::optional<std::array<Fixed, 2>> line_vector(const World& world, const Specia
 }
 
 int32_t scroll_plane(World& world, const SpecialCall& call, bool of_floor) {
-  const auto& a =
-      call.args;  // tag, bits (4: the line's vector), mode (floors: 0 texture, 1 carry, 2 both), dx, dy
-  Fixed dx = static_cast<Fixed>((std::clamp<int64_t>(a[3], -65536, 65536) - 128) * (kFracUnit / 32));
-  Fixed dy = static_cast<Fixed>((std::clamp<int64_t>(a[4], -65536, 65536) - 128) * (kFracUnit / 32));
-  if ((a[1] & 4) != 0) {
+  const auto& a = call.args;
+  constexpr Fixed kUnit = kFracUnit / 32;
+  const auto speed = [](int64_t units) {
+    return static_cast<Fixed>(std::clamp<int64_t>(units, -65536, 65536) * kUnit);
+  };
+  // A script: tag, x, y, mode. A line: tag, bits (4: the line's vector), mode, x + 128, y + 128.
+  const bool from_line = call.line >= 0;
+  Fixed dx = from_line ? speed(int64_t{a[3]} - 128) : speed(a[1]);
+  Fixed dy = from_line ? speed(int64_t{a[4]} - 128) : speed(a[2]);
+  if (from_line && (a[1] & 4) != 0) {
     const auto vector = line_vector(world, call);
     if (!vector) return 0;
     dx = (*vector)[0] >> kLineScrollShift, dy = (*vector)[1] >> kLineScrollShift;
   }
-  const int32_t mode = of_floor ? a[2] : 0;
+  const int32_t mode = !of_floor ? 0 : from_line ? a[2] : a[3];  // 0 texture, 1 carry, 2 both
   for_each_tagged_sector(world, a[0], [&](uint32_t sector) {
     if (mode == 0 || mode == 2)
       set_scroller(world, of_floor ? ScrollKind::kFloor : ScrollKind::kCeiling, sector, 0, -dx, dy);
@@ -298,12 +303,12 @@ std::optional<int32_t> execute_scroller(World& world, const SpecialCall& call) {
           flag = (flag || (a[1] & bit) != 0) && (a[2] & bit) == 0;
         };
         change(1, sector.silent), change(2, sector.no_falling_damage), change(16, sector.special_friction);
+        world.state().has_special_friction |= sector.special_friction;
       });
       return 1;
     }
     case Special::kScroll_Texture_Left:  // speed in 64ths, parts
       return own_line(texture_speed(a[0]), 0);
-        world.state().has_special_friction |= sector.special_friction;
     case Special::kScroll_Texture_Right:
       return own_line(-texture_speed(a[0]), 0);
     case Special::kScroll_Texture_Up:
@@ -393,6 +398,12 @@ void start_scrollers(World& world) {
   }
 }
 
+void carry_bodies(World& world) {
+  const auto& scrollers = world.state().movers.scrollers;
+  for (std::size_t i = 0, count = scrollers.size(); i < count && i < scrollers.size(); ++i)
+    if (const Scroller scroller = scrollers[i]; scroller.kind == ScrollKind::kCarry) carry(world, scroller);
+}
+
 void tic_scrollers(World& world, std::size_t first) {
   WorldState& state = world.state();
   const std::size_t count = state.movers.scrollers.size();
@@ -416,8 +427,7 @@ void tic_scrollers(World& world, std::size_t first) {
         break;
       }
       case ScrollKind::kCarry:
-        carry(world, scroller);
-        break;
+        break;  // before the bodies move: carry_bodies()
       case ScrollKind::kWind:
         blow(world, scroller);
         break;

@@ -55,7 +55,8 @@ void tic_actor(World& world, std::size_t slot) {
   const bool pushing = alive_player && PlayerThinker::pushes(owner->buttons);
   const Fixed floor_before = actor.floor_z;
   // What leaves a body is held back once more as on it, and falls no faster at first: it is no ledge.
-  const bool stood_on_body = actor.z == floor_before && floor_before > actor.ground_z;
+  const bool stood_on_body =
+      actor.z == floor_before && floor_before > actor.ground_z && actor.velocity_z <= 0;
   if (actor.velocity_x != 0 || actor.velocity_y != 0 || actor.has(ActorFlag::kSkullFly))
     movement.move_horizontally(slot, pushing, stood_on_body);
   if (actor.removed) return;
@@ -101,21 +102,20 @@ void reset_world(World& world, const WorldOptions& options) {
 void run_tic(World& world, std::span<const Buttons> buttons) {
   if (world.level_exited()) return;
   static constexpr Buttons kNothing{};
-  const std::size_t old_movers = world.state().movers.sectors.size();
+  const std::size_t old_movers = world.state().movers.sectors.size(), old_actors = world.actors().size();
   PlayerThinker thinker(world);
   for (int player = 0; player < world.player_count(); ++player) {
     const auto index = static_cast<std::size_t>(player);
     if (thinker.think(player, index < buttons.size() ? buttons[index] : kNothing))
       tic_player_in_sector(world, player);
   }
-  for (std::size_t slot = 0; slot < world.actors().size(); ++slot)
-    tic_actor(world, slot);  // grows while things spawn
+  carry_bodies(world);
+  for (std::size_t slot = 0; slot < old_actors; ++slot) tic_actor(world, slot);
   const std::size_t first_new_mover = tic_movers(world, old_movers);
-  const std::size_t before_scripts = world.actors().size(),
-                    old_scrollers = world.state().movers.scrollers.size();
+  const std::size_t old_scrollers = world.state().movers.scrollers.size();
   acs::tic_machine(world);
-  for (std::size_t slot = before_scripts; slot < world.actors().size(); ++slot)
-    tic_actor(world, slot);  // what a script spawns or sets going acts in the same tic, as in ViZDoom
+  // What spawned in this tic acts in it too, after the scripts, as in ViZDoom; the list grows meanwhile.
+  for (std::size_t slot = old_actors; slot < world.actors().size(); ++slot) tic_actor(world, slot);
   tic_new_movers(world, first_new_mover, old_scrollers);
   world.compact();
   ++world.state().tic_count;

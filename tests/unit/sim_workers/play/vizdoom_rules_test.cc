@@ -573,5 +573,18 @@ TEST(VizdoomRules, PowerSpeedPushesHalfAsMuchAgain) {
   EXPECT_EQ(fast.body().velocity_x / 3, plain.body().velocity_x / 2);
 }
 
+// Probe: Scroll_Floor(1, -25, 33, 1) of a script: a thing on that floor moves with -4 350 and 5 742 after its first tic.
+TEST(VizdoomRules, AScriptsScrollFloorIsTagXYMode) {
+  test::LevelBuilder room = plain_room();
+  room.thing(2011, 400, 0, 0, 5);
+  Game game(room.build());
+  game.world.state().sectors[0].tag = 1;
+  const SpecialCall call{.number = Special::kScroll_Floor, .args = {1, -25, 33, 1, 0}, .activator = nullptr};
+  EXPECT_NE(game.world.events().run_special(game.world, call), 0);
+  game.tic();
+  EXPECT_EQ(game.world.find_thing(5)->velocity_x, -4350);
+  EXPECT_EQ(game.world.find_thing(5)->velocity_y, 5742);
+}
+
 }  // namespace vizdoom_rules_test
 }  // namespace comrad::doom
