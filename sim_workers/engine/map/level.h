@@ -124,7 +124,7 @@ struct Sector {
   int32_t special = 0;  ///< ZDoom's numbering; its secret bit is in `secret`
   int32_t tag = 0;
   int32_t damage_amount = 0;    ///< damage to a player on its floor; set by map or script (SetSectorDamage)
-  int32_t damage_interval = 0;  ///< tics between hits; see world.h for the clock rule
+  int32_t damage_interval = 0;  ///< tics between hits; 0: by the amount; see world.h for the clock rule
   int32_t damage_leak = 0;      ///< of 256: chance that a radiation suit does not help
   uint8_t damage_type = 0;      ///< a DamageType
   bool secret = false;          ///< finding it counts

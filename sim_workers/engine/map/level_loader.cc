@@ -130,7 +130,8 @@ class Loader {
       sector.light = light_from(from.light_level);
       sector.special = from.special;
       sector.tag = from.id;
-      sector.damage_amount = from.damage_amount, sector.damage_interval = from.damage_interval;
+      sector.damage_amount = from.damage_amount;
+      sector.damage_interval = from.damage_interval > 0 ? from.damage_interval : kDamageIntervalTics;
       sector.damage_leak = std::clamp(from.leakiness, 0, 256);
       sector.damage_type = static_cast<uint8_t>(damage_type_from(from.damage_type));
       sector.secret = from.secret;

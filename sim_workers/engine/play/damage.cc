@@ -143,7 +143,7 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
         static_cast<int32_t>(std::min<int64_t>(int64_t{player->damage_flash} + amount, kDamageFlashMax));
     if (amount <= 0) return 0;
   }
-  if (attacker != nullptr && source != &target) {
+  if (attacker != nullptr && source != &target && type != DamageType::kTelefrag) {
     Player& shooter = world.state().players[static_cast<std::size_t>(source->player_index)];
     ++shooter.hits_dealt;
     // Whole, however little health was left: ViZDoom counts it so (basic.wad: 10 or 15 for a target with 1).

@@ -302,7 +302,7 @@ void Movement::place(std::size_t slot, Fixed x, Fixed y, const PositionCheck& ch
 }
 
 bool Movement::could_step_to(std::size_t slot, Fixed x, Fixed y) {
-  const PositionCheck check = check_position(slot, x, y, false);
+  const PositionCheck check = check_position(slot, x, y, true);
   const Actor& body = state_.actors[slot];
   return check.fits && int64_t{check.ceiling_z} - std::max(check.floor_z, body.z) >= body.height &&
          int64_t{check.floor_z} - body.z <= world_.type_of(body).max_step_height;
@@ -632,7 +632,7 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
     }
     if (body.has(ActorFlag::kSkullFly)) body.velocity_z = -body.velocity_z;
     if (body.velocity_z > 0) body.velocity_z = 0;
-    body.z = std::max(body.hanging_z(), body.floor_z);
+    body.z = body.hanging_z();  // also where it reaches through the floor, as in ViZDoom
   }
 }
 

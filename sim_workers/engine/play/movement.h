@@ -72,7 +72,7 @@ class Movement {
   /// there, and a missile strikes what it meets.
   PositionCheck check_position(std::size_t slot, Fixed x, Fixed y, bool touch);
 
-  /// Whether a step there is not too high and leaves it room. Nothing is touched.
+  /// Whether a step there is not too high and leaves it room. A player takes what lies there.
   bool could_step_to(std::size_t slot, Fixed x, Fixed y);
 
   /// Moves the body there if it fits and the step is not too high. Leaves z alone. Lines it crosses act.

@@ -74,10 +74,8 @@ bool teleport_move(World& world, Actor& actor, Fixed x, Fixed y, Fixed z, Angle 
       z == kOnFloor ? check.floor_z : static_cast<Fixed>(std::clamp<int64_t>(z, check.floor_z, highest));
   actor.angle = angle;
   if (!keep_velocity) actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
-  if (Player* const player = world.player_of(actor)) {
+  if (Player* const player = world.player_of(actor))
     player->view_z = clamped_fixed(int64_t{actor.z} + player->view_height);
-    player->view_height_delta = 0;
-  }
   if (fog) {
     spawn_fog(world, from_x, from_y, from_z);
     spawn_fog(world, clamped_fixed(int64_t{x} + int64_t{kFogAhead} * fine_cosine(angle)),

@@ -155,11 +155,6 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   if ((forward != 0 || side != 0) && body.state == world_.type_of(body).state(StateLabel::kSpawn))
     set_label(world_, body, StateLabel::kSee);
 
-  if (player.jump_tics != 0) {
-    --player.jump_tics;
-    // A jump that a low ceiling ended at once has no landing: it is forgotten after a while.
-    if (on_ground && player.jump_tics <= -kJumpForgottenTics) player.jump_tics = 0;
-  }
   if (buttons.jump && player.crouch_factor != kFracUnit) player.stands_up = true;
   if (buttons.jump && player.crouch_factor == kFracUnit && on_ground && player.jump_tics == 0 &&
       world_.options().allow_jump) {
@@ -198,7 +193,8 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
     if (player.view_height_delta == 0) player.view_height_delta = 1;
   }
   player.view_z = clamped_fixed(int64_t{body.z} + player.view_height + fixed_mul(bob / 2, fine_sine(phase)));
-  player.view_z = std::min(player.view_z, body.ceiling_z - to_fixed(4));
+  constexpr Fixed kGap = to_fixed(4);
+  player.view_z = std::max(std::min(player.view_z, body.ceiling_z - kGap), body.floor_z + kGap);
 }
 
 void PlayerThinker::think_dead(int player_index, Player& player, Actor& body) {
@@ -245,6 +241,11 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
   if (!player.totally_frozen) {
     look(*body, buttons);
     crouch(player, *body, buttons);
+    if (player.jump_tics != 0) {
+      --player.jump_tics;
+      // A jump that a low ceiling or a teleport ended at once has no landing: it is forgotten after a while.
+      if (player.on_ground && player.jump_tics <= -kJumpForgottenTics) player.jump_tics = 0;
+    }
     if (body->reaction_tics > 0) {
       --body->reaction_tics;  // just born or teleported
     } else {

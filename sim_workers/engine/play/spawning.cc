@@ -51,7 +51,7 @@ void apply_thing_fields(World& world, const MapThing& thing, Actor& actor) {
   if (!thing.arg0_text.empty()) actor.args[0] = world.events().script_number(world, thing.arg0_text);
   const auto is = [&](ThingFlag flag) { return (thing.flags & flag) != 0; };
   if (is(kThingAmbush)) actor.set(ActorFlag::kAmbush);
-  if (is(kThingDormant)) actor.set(ActorFlag::kDormant);
+  if (is(kThingDormant) && actor.has(ActorFlag::kIsMonster)) actor.set(ActorFlag::kDormant);
   if (is(kThingStanding)) actor.set(ActorFlag::kStandStill);
   if (is(kThingFriend)) actor.set(ActorFlag::kFriendly);
   if (is(kThingCountSecret)) actor.set(ActorFlag::kCountSecret);
@@ -228,10 +228,10 @@ std::optional<uint32_t> spawn_actor(World& world, uint32_t type, Fixed x, Fixed 
     world.drop_last_actor();
     return std::nullopt;
   }
+  if (actor.has(ActorFlag::kCountKill)) ++world.state().monster_count;
   // An item of a script counts as dropped, and brings all that is in it.
   if (world.type_of(actor).item_class != ItemClass::kNone)
     actor.set(ActorFlag::kDropped), actor.set(ActorFlag::kScriptSpawned);
-  if (actor.has(ActorFlag::kCountKill)) ++world.state().monster_count;
   return actor.id;
 }
 

@@ -81,8 +81,9 @@ FloorDamage damage_of_bits(int32_t special) {
 /// What the map (damageamount) or a script (SetSectorDamage) gave the sector.
 FloorDamage damage_of_fields(const Sector& sector) {
   FloorDamage damage{.amount = sector.damage_amount, .type = static_cast<DamageType>(sector.damage_type)};
-  if (sector.damage_interval > 0) damage.interval = sector.damage_interval;
-  if (sector.damage_amount >= kEveryTicFrom) damage.interval = 1;
+  damage.interval = sector.damage_interval > 0              ? sector.damage_interval
+                    : sector.damage_amount >= kEveryTicFrom ? 1
+                                                            : kClockTics;
   damage.leak = sector.damage_leak > 0                  ? sector.damage_leak
                 : sector.damage_amount < kSuitLeaksFrom ? 0
                 : sector.damage_amount < kEveryTicFrom  ? kLeak
@@ -120,8 +121,8 @@ void start_sector_specials(World& world) {
   for (Sector& sector : state.sectors) {
     if ((sector.special & kSecretBit) != 0) sector.secret = true;
     if ((sector.special & kFrictionBit) != 0) sector.special_friction = true;
-    state.secret_total += sector.secret;
     state.has_special_friction |= sector.special_friction;
+    state.secret_total += sector.secret;
   }
 }
 

@@ -361,8 +361,9 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
     case Special::kStartConversation:  // nobody talks
       return 0;
     case Special::kThing_Stop:  // things
-      return for_each_thing(world, a[0], activator, [](Actor& actor) {
+      return for_each_thing(world, a[0], activator, [&](Actor& actor) {
                actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
+               if (Player* const player = world.player_of(actor)) player->walk_x = player->walk_y = 0;
              }) > 0;
     case Special::kThrustThing:  // angle, force, unlimited, things
       return for_each_thing(world, a[3], activator,

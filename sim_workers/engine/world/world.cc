@@ -86,7 +86,7 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   actor.bounce_count = type.bounce_count;
   actor.render_style = type.render_style, actor.alpha = type.alpha;
   actor.scale_x = type.scale_x, actor.scale_y = type.scale_y, actor.translation = type.translation;
-  actor.reaction_tics = options_.skill >= 5 ? 0 : type.reaction_tics;
+  actor.reaction_tics = options_.skill >= 5 && type.flags.has(ActorFlag::kIsMonster) ? 0 : type.reaction_tics;
   actor.spawn_x = x, actor.spawn_y = y, actor.spawn_z = actor.z, actor.spawn_angle = angle;
   actor.spawn_tic = state_.tic_count;
   // A quirk of Doom's: whoever is born has been walking east, and does not turn about at once.

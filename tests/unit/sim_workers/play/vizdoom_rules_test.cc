@@ -550,6 +550,51 @@ TEST(VizdoomRules, AChangedFlagCounts) {
   EXPECT_TRUE(world.find_thing(5)->has(ActorFlag::kNoGravity));
 }
 
+// Probe: a step of 24, then a teleport: the eye goes on rising from where it is.
+TEST(VizdoomRules, ATeleportLeavesTheEyeItsWay) {
+  test::LevelBuilder room = plain_room();
+  room.thing(14, 600, 0, 0, 90);
+  Game game(room.build());
+  Player& player = game.world.state().players[0];
+  player.view_height = to_fixed(27), player.view_height_delta = to_fixed(3);
+  const SpecialCall call{.number = 70, .args = {90, 0, 0, 0, 0}, .activator = &game.body()};
+  EXPECT_NE(game.world.events().run_special(game.world, call), 0);
+  game.tic();
+  EXPECT_EQ(player.view_height, to_fixed(30));
+}
+
+// Probe: a jump, a teleport that ends it, the key held: in the air again after the 18 tics in which nobody moves.
+TEST(VizdoomRules, AJumpIsForgottenWhileATeleportHoldsThePlayer) {
+  Game game(plain_room().build());
+  game.tic();
+  game.world.state().players[0].jump_tics = -1;
+  game.body().reaction_tics = 18;
+  EXPECT_EQ(game.tics_to_jump(40), 19);
+}
+
+// Probe: sectors of the map with damageamount 49, 50 and 120: every 32 tics, or as damageinterval says. Sector_SetDamage of 50 and
+// more: every tic.
+TEST(VizdoomRules, ASectorOfTheMapHurtsAsOftenAsItSays) {
+  for (const int32_t interval : {kDamageIntervalTics, 0}) {
+    Game game(plain_room().build());
+    Sector& sector = game.world.state().sectors[0];
+    sector.damage_amount = 60, sector.damage_interval = interval;
+    game.tic();
+    game.body().health = game.world.state().players[0].health = 1000;
+    for (int tic = 0; tic < 3; ++tic) game.tic();
+    EXPECT_EQ(game.body().health, interval > 0 ? 1000 : 1000 - 3 * 60);
+  }
+}
+
+// Probe: APROP_ReactionTime on skill 5: 8 of a barrel and a medikit, 0 of an imp.
+TEST(VizdoomRules, OnlyMonstersReactAtOnceInNightmare) {
+  test::LevelBuilder room = plain_room();
+  room.thing(2012, 400, 0, 0, 5).thing(3001, 600, 0, 0, 6);
+  Game game(room.build(), {.skill = 5});
+  EXPECT_EQ(game.world.find_thing(5)->reaction_tics, 8);
+  EXPECT_EQ(game.world.find_thing(6)->reaction_tics, 0);
+}
+
 // Probe: SpawnForced of a shotgun: CheckFlag DROPPED is 1, it brings 8 shells. Of a soul sphere: LEVELINFO_TOTAL_ITEMS is 1 more.
 TEST(VizdoomRules, AnItemOfAScriptIsDroppedAndCounts) {
   Game game(plain_room().build());
@@ -563,6 +608,24 @@ TEST(VizdoomRules, AnItemOfAScriptIsDroppedAndCounts) {
   EXPECT_EQ(game.world.state().item_total, items + 1);
 }
 
+// Probe: things and eyes between a floor and a ceiling that are too near: the thing hangs, the eye is 4 above the floor.
+TEST(VizdoomRules, BetweenFloorAndCeilingThingsHangAndEyesStayAbove) {
+  test::LevelBuilder builder;
+  const uint32_t room = builder.sector(0, 256), shut = builder.sector(16, 16);
+  builder.room(room, 0, -256, 1024, 256)
+      .island(shut, room, 512, -240, 1008, 240)
+      .thing(1, 128, 0)
+      .thing(2012, 700, 0, 0, 5);
+  Game game(builder.build());
+  Actor& kit = *game.world.find_thing(5);
+  kit.z = to_fixed(17);
+  for (int tic = 0; tic < 3; ++tic) game.tic();
+  EXPECT_EQ(kit.z, to_fixed(16) - kit.height);
+  set_position(game.world, game.body().id, to_fixed(700), 0, to_fixed(16));
+  game.tic(), game.tic();
+  EXPECT_GE(game.world.player(0).view_z, to_fixed(20));
+}
+
 // Probe: PowerSpeed, on the ground and in the air: half as much again.
 TEST(VizdoomRules, PowerSpeedPushesHalfAsMuchAgain) {
   Game fast(plain_room().build()), plain(plain_room().build());
@@ -571,6 +634,17 @@ TEST(VizdoomRules, PowerSpeedPushesHalfAsMuchAgain) {
   keys.forward = true;
   fast.tic(keys), plain.tic(keys);
   EXPECT_EQ(fast.body().velocity_x / 3, plain.body().velocity_x / 2);
+}
+
+// Probe: Teleport onto a barrel: it dies, HITCOUNT and DAMAGECOUNT stay 0.
+TEST(VizdoomRules, ATelefragIsNoHit) {
+  test::LevelBuilder room = plain_room();
+  room.thing(14, 600, 0, 0, 90).thing(2035, 610, 0, 0, 5);
+  Game game(room.build());
+  const SpecialCall call{.number = 70, .args = {90, 0, 0, 0, 0}, .activator = &game.body()};
+  EXPECT_NE(game.world.events().run_special(game.world, call), 0);
+  EXPECT_LT(game.world.find_thing(5)->health, 0);
+  EXPECT_EQ(game.world.player(0).hits_dealt, 0);
 }
 
 // Probe: Scroll_Floor(1, -25, 33, 1) of a script: a thing on that floor moves with -4 350 and 5 742 after its first tic.

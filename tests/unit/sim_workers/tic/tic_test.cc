@@ -232,7 +232,7 @@ TEST(SectorDamage, TwentyHitsOfFiveKillWhenTheMapClockReads640) {
 }
 
 TEST(SectorDamage, FiftyAndMoreHurtEveryTic) {
-  Game game(test::one_room(), 1, 1, [](World& world) { world.set_sector_damage(900, 50, 32); });
+  Game game(test::one_room(), 1, 1, [](World& world) { world.set_sector_damage(900, 50, 0); });
   game.tics(2);
   EXPECT_EQ(game.world.player(0).health, 50);
   game.tics(1);
