@@ -1367,7 +1367,7 @@ void Interpreter::execute_call(PCode code) {
     }
     case PCode::kCheckActorInventory: {
       const auto [thing_id, name] = take<2>();
-      const Actor* const owner = thing_id != 0 ? caller_.one_actor(thing_id) : nullptr;  // 0 is nobody here
+      const Actor* const owner = thing_id != 0 ? caller_.one_actor(thing_id) : nullptr;  // 0 is no actor here
       return push(check_inventory(caller_, owner, name));
     }
     case PCode::kUseInventory:

@@ -302,6 +302,7 @@ int32_t player_input(const World& world, int32_t player, int32_t what) {
     const bool only_jumps = what >= kModifiedInput && (bits & kJumpAndCrouch) == kJumpAndCrouch;
     return static_cast<int32_t>(bits & ~kTurnAroundHeld & (only_jumps ? ~kCrouchBit : ~0u));
   };
+  const bool held = what >= kModifiedInput && one.frozen;
   switch (what % kModifiedInput) {
     case 0:
       return shown(before);
@@ -312,9 +313,9 @@ int32_t player_input(const World& world, int32_t player, int32_t what) {
     case 3:
       return static_cast<int16_t>(PlayerThinker::yaw_units(one, buttons));
     case 5:
-      return PlayerThinker::forward_units(buttons) * kMoveUnit;
+      return held ? 0 : PlayerThinker::forward_units(buttons) * kMoveUnit;
     case 6:
-      return PlayerThinker::side_units(buttons) * kMoveUnit;
+      return held ? 0 : PlayerThinker::side_units(buttons) * kMoveUnit;
     case 7:
       return (int32_t{buttons.move_up} - int32_t{buttons.move_down}) *
                  (buttons.speed ? kRiseRun : kRiseWalk) +

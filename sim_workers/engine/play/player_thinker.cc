@@ -148,7 +148,8 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
     player.walk_x = clamped_fixed(int64_t{player.walk_x} + fixed_mul(step, fine_cosine(angle)));
     player.walk_y = clamped_fixed(int64_t{player.walk_y} + fixed_mul(step, fine_sine(angle)));
   };
-  const int32_t forward = forward_units(buttons), side = side_units(buttons);
+  const int32_t forward = player.frozen ? 0 : forward_units(buttons),
+                side = player.frozen ? 0 : side_units(buttons);  // and still jumps
   if (forward != 0) thrust(forward, body.angle);
   if (side != 0) thrust(side, body.angle - kAngle90);
 
@@ -251,7 +252,7 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
     } else {
       turn(player, *body, buttons);
       player.on_ground = body->z <= body->floor_z;
-      if (!player.frozen) push(player, *body, buttons);
+      push(player, *body, buttons);
     }
   }
   move_eye(player, *body);

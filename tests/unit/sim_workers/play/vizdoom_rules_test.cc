@@ -563,7 +563,7 @@ TEST(VizdoomRules, ATeleportLeavesTheEyeItsWay) {
   EXPECT_EQ(player.view_height, to_fixed(30));
 }
 
-// Probe: a jump, a teleport that ends it, the key held: in the air again after the 18 tics in which nobody moves.
+// Probe: a jump, a teleport that ends it, the key held: in the air again after the 18 tics of standing still.
 TEST(VizdoomRules, AJumpIsForgottenWhileATeleportHoldsThePlayer) {
   Game game(plain_room().build());
   game.tic();
@@ -658,6 +658,17 @@ TEST(VizdoomRules, AScriptsScrollFloorIsTagXYMode) {
   game.tic();
   EXPECT_EQ(game.world.find_thing(5)->velocity_x, -4350);
   EXPECT_EQ(game.world.find_thing(5)->velocity_y, 5742);
+}
+
+// Probe: SetPlayerProperty(0, 1, PROP_FROZEN): the movement keys do nothing, JUMP lifts by 8 at once.
+TEST(VizdoomRules, AFrozenPlayerJumps) {
+  Game game(plain_room().build());
+  game.world.state().players[0].frozen = true;
+  Buttons keys;
+  keys.jump = keys.forward = true;
+  game.tic(keys);
+  EXPECT_EQ(game.body().z, to_fixed(8));
+  EXPECT_EQ(game.body().velocity_x, 0);
 }
 
 }  // namespace vizdoom_rules_test
