@@ -33,6 +33,37 @@ std::vector<std::string> library_names(const wad::WadFile& wad) {
   return names;
 }
 
+/// The kinds of blocks of a patch that change play, such as "Thing" of "Thing 1 (Player)". Texts, sounds, cheats, par times and the
+/// pictures of frames do not.
+std::set<std::string> patched_kinds(std::string_view patch) {
+  static const std::set<std::string> kBlocks = {"Thing", "Frame", "Pointer", "Ammo", "Weapon", "Misc"};
+  std::set<std::string> kinds;
+  bool in_frame = false;
+  std::istringstream lines{std::string(patch)};
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line);
+    std::string kind, number;
+    words >> kind >> number;
+    const bool is_block = !number.empty() && number[0] >= '0' && number[0] <= '9';
+    if (is_block || kind.starts_with("[")) in_frame = kind == "Frame";
+    if (kind == "[CODEPTR]" || (is_block && !in_frame && kBlocks.contains(kind))) kinds.insert(kind);
+    if (in_frame && !is_block && kind != "Sprite" && line.find('=') != std::string::npos)
+      kinds.insert("Frame");
+  }
+  return kinds;
+}
+
+void warn_of_patches(const wad::WadFile& wad, std::vector<std::string>* warnings) {
+  for (std::size_t lump = 0; lump < wad.lump_count(); ++lump) {
+    if (wad.lump(lump).name != "DEHACKED") continue;
+    std::string kinds;
+    for (const std::string& kind : patched_kinds(wad.text(lump))) kinds += (kinds.empty() ? "" : ", ") + kind;
+    if (!kinds.empty())
+      warnings->push_back(wad.path() +
+                          " DEHACKED: patches are not supported; these blocks are left out: " + kinds);
+  }
+}
+
 void warn_of_unknown_things(const doom::Level& level, const doom::ActorCatalog& catalog,
                             const std::string& label, std::vector<std::string>* warnings) {
   std::set<int32_t> unknown;
@@ -94,6 +125,7 @@ Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_vie
                       doom::acs::Behavior::load(scripts, label + " BEHAVIOR", library, loadacs));
     if (content.behavior->scripts().empty()) content.behavior = nullptr;
   }
+  warn_of_patches(wad, &content.warnings);
   warn_of_unknown_things(*content.level, *content.catalog, label, &content.warnings);
   return content;
 }

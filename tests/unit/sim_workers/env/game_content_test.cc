@@ -40,6 +40,22 @@ TEST(GameContent, ReadsIncludedLumps) {
             "test.wad DECORATE:3: #include \"gone.txt\": there is no such lump; its actors are left out");
 }
 
+TEST(GameContent, APatchIsOneWarningThatNamesItsKinds) {
+  const std::string looks =
+      "Patch File for DeHackEd v3.0\r\nDoom version = 21\r\n\r\nFrame 185\r\nSprite subnumber = 32773\r\n"
+      "[STRINGS]\r\nHUSTR_1 = Text 5 of a sentence\r\n";
+  const auto silent = load(room().add("ENDMAP").add("DEHACKED", looks));
+  ASSERT_TRUE(silent.has_value()) << silent.error().message;
+  EXPECT_TRUE(silent->warnings.empty()) << silent->warnings.front();
+  const auto content = load(room().add("ENDMAP").add(
+      "DEHACKED",
+      looks + "Thing 1 (Player)\r\nHit points = 50\r\nThing 2\r\nSpeed = 9\r\nFrame 7\r\nDuration = 3\r\n"));
+  ASSERT_TRUE(content.has_value()) << content.error().message;
+  ASSERT_EQ(content->warnings.size(), 1u);
+  EXPECT_EQ(content->warnings[0],
+            "test.wad DEHACKED: patches are not supported; these blocks are left out: Frame, Thing");
+}
+
 TEST(GameContent, LoadsTheLibrariesOfLoadacs) {
   const std::string library = compiled("#library \"extra\"\nscript 77 OPEN { } script \"Helper\" (void) { }");
   const auto content = load(room()
