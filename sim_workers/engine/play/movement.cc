@@ -553,7 +553,7 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
   Actor& body = state_.actors[slot];
   if (body.has(ActorFlag::kMissile) || body.has(ActorFlag::kSkullFly)) return;  // these keep their speed
   Player* const player = world_.player_of(body);
-  if (body.z > body.floor_z && !stood_on_body) {
+  if (body.z > body.ground_z && !stood_on_body) {  // a body on the way up is no ground
     if (player != nullptr) slow_in_air(*player, body, state_.air_control);
     return;
   }
@@ -608,8 +608,8 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
     body.z = body.floor_z;
     if (body.has(ActorFlag::kSkullFly)) {
       body.velocity_z = -body.velocity_z;
-    } else if (body.velocity_z < 0) {
-      body.velocity_z = 0;
+    } else if (body.velocity_z < 0 || body.floor_z > body.ground_z) {
+      body.velocity_z = 0;  // also of one that rises and steps onto a body
     }
   } else if (!body.has(ActorFlag::kNoGravity)) {
     const Fixed here = state_.sectors[body.sector_index].gravity;

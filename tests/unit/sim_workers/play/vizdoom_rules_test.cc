@@ -671,5 +671,17 @@ TEST(VizdoomRules, AFrozenPlayerJumps) {
   EXPECT_EQ(game.body().velocity_x, 0);
 }
 
+// Probe: a jump from a barrel while running: no friction in its first tic, though the barrel is still below.
+TEST(VizdoomRules, AJumpFromABodyKeepsItsSpeed) {
+  test::LevelBuilder room = plain_room();
+  room.thing(2035, 400, 0);
+  Game game(room.build());
+  set_position(game.world, game.body().id, to_fixed(400), 0, to_fixed(42));
+  game.tic();
+  game.body().velocity_x = to_fixed(2), game.body().velocity_z = to_fixed(8);
+  game.tic();
+  EXPECT_EQ(game.body().velocity_x, to_fixed(2));
+}
+
 }  // namespace vizdoom_rules_test
 }  // namespace comrad::doom
