@@ -17,6 +17,8 @@
 namespace comrad::deploy {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr double kDrawingTimeoutS = 300;
 
 struct PlotOptions {
@@ -36,18 +38,29 @@ std::vector<std::string> split(const std::string& text, char separator) {
   return parts;
 }
 
-/// The words of one curve for the script: its name and its runs' folders. A word is a run, or NAME=RUN,RUN.
+/// A run's folder, or one that may hold runs, as a sweep's. Errors: those of find_run().
+Expected<std::string> find_runs(const std::string& name, const std::string& train_dir) {
+  Expected<std::string> run = find_run(name, train_dir);
+  std::error_code ignored;
+  for (const fs::path& folder : {fs::path(name), fs::path(train_dir) / name})
+    if (!run && fs::is_directory(folder, ignored)) return folder.string();
+  return run;
+}
+
+/// The words of one argument for the script: a run, a folder of runs, or NAME=RUN,RUN.
 Expected<std::vector<std::string>> curve_words(const std::string& word, const std::string& train_dir) {
   if (const Expected<std::string> run = find_run(word, train_dir))
-    return std::vector<std::string>{std::filesystem::path(*run).filename().string(), *run};
+    return std::vector<std::string>{"--curve", fs::path(*run).filename().string(), *run};
+  if (const Expected<std::string> folder = find_runs(word, train_dir))
+    return std::vector<std::string>{"--folder", *folder};
   const std::size_t equals = word.find('=');
   const std::string runs = equals == std::string::npos ? word : word.substr(equals + 1);
-  std::vector<std::string> words = {word.substr(0, equals)};
+  std::vector<std::string> words = {"--curve", word.substr(0, equals)};
   for (const std::string& name : split(runs, ',')) {
-    COMRAD_TRY_ASSIGN(std::string run, find_run(name, train_dir));
+    COMRAD_TRY_ASSIGN(std::string run, find_runs(name, train_dir));
     words.push_back(std::move(run));
   }
-  if (words.size() < 2) return Error{ErrorCode::kBadInput, word + " names no run; write RUN or NAME=RUN,RUN"};
+  if (words.size() < 3) return Error{ErrorCode::kBadInput, word + " names no run; write RUN or NAME=RUN,RUN"};
   return words;
 }
 
@@ -67,7 +80,6 @@ Expected<int> plot(const PlotOptions& options) {
   if (options.over_seeds) words.emplace_back("--over_seeds");
   for (const std::string& run : options.runs) {
     COMRAD_TRY_ASSIGN(const std::vector<std::string> curve, curve_words(run, options.train_dir));
-    words.emplace_back("--curve");
     words.insert(words.end(), curve.begin(), curve.end());
   }
   COMRAD_TRY_ASSIGN(words[0], python_that_imports(kReportModules));
@@ -83,14 +95,16 @@ Expected<int> plot(const PlotOptions& options) {
 int plot_command(Arguments arguments) {
   PlotOptions options;
   CommandLine line(
-      "plot RUN... [-o FILE] [--over_seeds]",
+      "plot RUN|FOLDER... [-o FILE] [--over_seeds]",
       "Draws learning curves as PNG, SVG or PDF: score J over env frames, and the evaluations of runs that\n"
       "have them. RUN is a run directory, an experiment below --train_dir, or several under one name,\n"
       "NAME=RUN,RUN,RUN: each is drawn thinly, and their mean, from four runs on with its 95% interval over\n"
-      "the runs (Student t). Where all play one scenario on its default map, lines show the scores of "
+      "the runs (Student t). Of a FOLDER with runs, as a sweep's, those that differ in their seed alone "
+      "become\n"
+      "one curve. Where all play one scenario on its default map, lines show the scores of "
       "random\n"
       "play and of the scripted team. A run in which no episode has ended yet is named and left out.");
-  line.add_words("RUN", options.runs, "runs to draw, each a curve");
+  line.add_words("RUN", options.runs, "runs to draw, each a curve, or folders of runs");
   line.add_option("output", options.output, "FILE",
                   "the picture: .png, .svg or .pdf (default curves.png; also -o)");
   line.add_switch("over_seeds", options.over_seeds, "runs that differ in their seed alone become one curve");

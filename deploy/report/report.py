@@ -96,6 +96,7 @@ def main(words: list[str]) -> int:
     try:
         from compose import write_report
         from analysis import Options, read_study, reference_file
+        from run_files import NO_RUN
     except ImportError as error:
         say(
             f"error: {error}; install python3-numpy, python3-scipy and python3-matplotlib (./comrad report does on Debian)"
@@ -113,7 +114,7 @@ def main(words: list[str]) -> int:
     if not study.runs:
         for name, why in study.left_out:
             say(f"{name}: {why}")
-        say(f"error: {arguments.folder} holds no run; a run is a folder with config.toml and metrics.jsonl")
+        say(f"error: {arguments.folder.resolve()} {NO_RUN}")
         return 2
     if arguments.results_page or arguments.scenario_pages:
         return write_results(study, arguments.folder, arguments.results_page, arguments.scenario_pages)

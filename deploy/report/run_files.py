@@ -20,6 +20,12 @@ SCORE = "policy_stats/avg_true_objective"
 ON_POLICY = ("ippo", "mappo", "happo")
 OFF_POLICY = ("idqn", "vdn", "qmix", "qplex_d", "qplex_q")
 
+# What follows the name of a folder that was searched.
+NO_RUN = (
+    "holds no run yet; a run is a folder with config.toml and metrics.jsonl, in it or one folder below; name another folder, "
+    "or start a run with comrad train --train_dir FOLDER or comrad sweep FILE.toml"
+)
+
 POSITIONS_BYTES_MAX = 1 << 28
 AGENTS_MAX = 8
 MAP_UNITS_MAX = 32768  # Doom's coordinates

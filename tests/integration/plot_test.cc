@@ -80,6 +80,33 @@ TEST_F(Plot, DrawsRunsGroupsAndEvaluationsAndNamesWhatItLeavesOut) {
   EXPECT_THAT(read_text(path("curves.png")), StartsWith("\x89PNG"));
 }
 
+TEST_F(Plot, DrawsTheRunsOfASweepOverTheirSeedsAndNamesThoseThatHaveNotBegun) {
+  const auto planned = [](const char* name, const char* seed) {
+    return nlohmann::json{{"name", name},
+                          {"settings", {{"scenario", "lava_pit"}, {"algo", "ippo"}, {"seed", seed}}}};
+  };
+  folder_.write("study/sweep.json",
+                nlohmann::json{{"runs", {planned("a", "1"), planned("b", "2"), planned("c", "3")}},
+                               {"results", {{"folder", path("kept")}}}}
+                    .dump());
+  make_run("study/a", 1, 10);
+  make_run("kept/b", 2, 10);
+  make_run("other", 1, 10);
+  const Ending swept = plot({"study", "other", "both=study", "-o", path("curves.svg")});
+  ASSERT_EQ(swept.exit_code, 0) << swept.err;
+  EXPECT_THAT(swept.err, HasSubstr("c: it was never started; left out"));
+  EXPECT_THAT(read_text(path("curves.svg")),
+              AllOf(HasSubstr("lava_pit IPPO (mean of 2)"), HasSubstr("both (mean of 2)"),
+                    HasSubstr("<!-- other -->")));
+
+  std::filesystem::create_directory(path("empty"));
+  const Ending empty = plot({"empty", "-o", path("none.svg")});
+  EXPECT_EQ(empty.exit_code, 2);
+  EXPECT_THAT(empty.err,
+              AllOf(HasSubstr(path("empty") + " holds no run yet; a run is a folder with config.toml"),
+                    HasSubstr("start a run with comrad train")));
+}
+
 // What plot.py itself refuses: tests/unit/deploy/report.
 TEST_F(Plot, RefusesWhatItCannotDraw) {
   make_run("one", 1, 10);
