@@ -1,5 +1,5 @@
 // comrad-doomgen NAME --seed N -o FILE: draws one layout of a scenario and writes it as a WAD; --pool draws
-// many. comrad-doomgen show FILE: a map from above. comrad-doomgen check FOLDER: is a pool whole?
+// many. comrad-doomgen show FILE|NAME: a map from above. comrad-doomgen check FOLDER: is a pool whole?
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
@@ -36,13 +36,20 @@ std::string parameter_help() {
       text += "  " + std::string(p.name) + " = " + std::to_string(p.default_value) + ": " + p.help + "\n";
   }
   return text +
-         "A map from above: comrad doomgen show FILE.wad [-o PICTURE.png]\n"
+         "A map from above: comrad doomgen show FILE.wad|NAME [-o PICTURE.png]\n"
          "Is a pool whole, and what is in it: comrad doomgen check FOLDER\n"
          "A pool of the maps of one WAD: comrad doomgen split FILE.wad -o FOLDER\n";
 }
 
+/// A file, or the default layout of a scenario of that name or folder.
+Expected<wad::WadFile> wad_of(const std::string& path) {
+  if (std::filesystem::is_regular_file(path) || path.ends_with(".wad")) return wad::WadFile::open(path);
+  COMRAD_TRY_ASSIGN(const scenarios::GeneratedLayout layout, scenarios::generate_layout(path, {}));
+  return wad::WadFile::from_bytes({layout.wad.begin(), layout.wad.end()}, path);
+}
+
 Expected<wad::UdmfMap> read_map(const std::string& path, std::string name) {
-  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(path));
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad_of(path));
   if (name.empty()) {
     const std::vector<std::string> names = wad.map_names();
     if (names.empty()) return Error{ErrorCode::kNotFound, path + ": there is no map in it"};
@@ -79,8 +86,8 @@ int show(int argc, char** argv) {
     legend += std::string(&kind == &doomgen::thing_kinds().front() ? " " : "; ") + kind.colour_name + " " +
               kind.name;
   CLI::App app(legend + ".", "comrad-doomgen show");
-  app.add_option("file", path, "WAD to look at")->required();
-  app.add_option("-o,--out", out, "PNG file to write; beside the WAD by default");
+  app.add_option("file", path, "WAD to look at, or a scenario, whose default layout is drawn")->required();
+  app.add_option("-o,--out", out, "PNG file to write; the WAD's or scenario's name with .png by default");
   app.add_option("--map", name, "map in the WAD; its first one by default");
   app.add_option("--size", side, "pixels of the longer side")->capture_default_str();
   try {

@@ -112,6 +112,12 @@ TEST(Doomgen, AMapIsShownFromAbove) {
     return (static_cast<unsigned char>(picture[at + 2]) << 8) + static_cast<unsigned char>(picture[at + 3]);
   };
   EXPECT_EQ(std::max(number(16), number(20)), 320);
+  ASSERT_EQ(comrad({"doomgen", "show", "lava_pit", "--size", "320", "-o", scratch / "drawn.png"}).exit_code,
+            0);
+  EXPECT_EQ(read_text(scratch / "drawn.png"), picture) << "the scenario's default layout is the same map";
+  const Ending unknown = comrad({"doomgen", "show", "lava_pot", "-o", scratch / "x.png"});
+  EXPECT_EQ(unknown.exit_code, kExitBadInput);
+  EXPECT_THAT(unknown.err, HasSubstr("lava_pit"));
   const Ending missing = comrad({"doomgen", "show", scratch / "none.wad", "-o", scratch / "x.png"});
   EXPECT_NE(missing.exit_code, 0);
   EXPECT_THAT(missing.err, HasSubstr("none.wad"));
