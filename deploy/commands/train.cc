@@ -126,6 +126,7 @@ Expected<int> train(const CommandLine& line, bool allow_no_update, const std::st
       COMRAD_TRY(check_wad(config.environment.layout_pool));
     }
   }
+  COMRAD_TRY(check_layout(config));
 
   SettingsLayer before;  // the run's config.toml as it was
   if (resumes) {

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "deploy/process/child_program.h"
+#include "deploy/settings/temporary_run.h"
 #include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/layout_list.h"
@@ -230,6 +231,18 @@ Expected<std::string> ensure_layout(const RunConfig& config, const std::string& 
                                 {.timeout_s = 120}));
   if (made.exit_code != 0) return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made)};
   return path.string();
+}
+
+Status check_layout(const RunConfig& config) {
+  const std::string& pool = config.environment.layout_pool;
+  if (!pool.empty() && !is_pool_to_draw(pool)) return {};
+  COMRAD_TRY_ASSIGN(const TemporaryFolder folder, TemporaryFolder::create());
+  RunConfig first = config;
+  if (!pool.empty() && pool != kCurriculumPool) first.environment.layout_pool = "train:1";
+  const Expected<std::string> drawn = pool.empty()
+                                          ? ensure_layout(config, folder.path())
+                                          : ensure_layout_pool(first, folder.path(), /*for_training=*/true);
+  return drawn ? Status() : drawn.error();
 }
 
 }  // namespace comrad::deploy

@@ -23,6 +23,10 @@ Status check_wad(const std::string& path);
 /// absolute. Errors: those of check_wad; kBadInput with the generator's words.
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
 
+/// Whether the map, or the first of a pool, can be drawn; it is removed again. For use before a run's folder is touched.
+/// Errors: those of ensure_layout() and ensure_layout_pool().
+Status check_layout(const RunConfig& config);
+
 /// The pool that `config.environment.layout_pool` names, checked by comrad-doomgen, as the text of a run's
 /// layouts/pool.toml. A folder is taken as it is; the maps of a WAD become a
 /// file each in `<made_in>/<stem>_maps`; `train:<count>`, `eval:<count>` and the stages of the

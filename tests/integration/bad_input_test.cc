@@ -93,7 +93,7 @@ TEST(BadInput, ATruncatedWadIsNamedBeforeAnythingStarts) {
     EXPECT_EQ(ending.exit_code, kExitBadInput) << length;
     EXPECT_THAT(ending.err, HasSubstr("cut.wad")) << length;
   }
-  EXPECT_FALSE(fs::exists(scratch / "refused/config.toml"));
+  EXPECT_FALSE(fs::exists(scratch / "refused"));
 }
 
 /// A scenario of somebody's own in `folder`: its map is my.wad.
@@ -125,6 +125,27 @@ std::vector<std::string> complaints(const ScratchFolder& folder) {
     said.push_back(ending.err);
   }
   return said;
+}
+
+TEST(BadInput, AScenarioThatIsNotWholeLeavesNoRunAndSparesAnOldOne) {
+  const ScratchFolder scratch;
+  const std::string own = scratch / "my_scenario";
+  scratch.write("old/config.toml", "scenario = \"lava_pit\"\nalgo = \"ippo\"\n");
+  write_own_scenario(scratch, "no map");
+  const std::vector<std::string> overwrite = {"--experiment", "old", "--restart_behavior", "overwrite"};
+  for (const auto& [more, message] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{}, "my.wad"}, {{"--layout_pool", "train:3"}, "no layout recipe"}, {overwrite, "my.wad"}}) {
+    std::vector<std::string> words = {"--scenario", own};
+    words.insert(words.end(), more.begin(), more.end());
+    const Ending ending = refused(scratch, words);
+    EXPECT_EQ(ending.exit_code, kExitBadInput);
+    EXPECT_THAT(ending.err, HasSubstr(message));
+    EXPECT_FALSE(fs::exists(scratch / "refused")) << message;
+    EXPECT_TRUE(fs::exists(scratch / "old/config.toml")) << "an old run must not go before the refusal";
+  }
+  scratch.write("my_scenario/scenario.toml", "name = \n");
+  EXPECT_THAT(refused(scratch, {"--scenario", own}).err, HasSubstr("scenario.toml:1:"));
+  EXPECT_FALSE(fs::exists(scratch / "refused"));
 }
 
 TEST(BadInput, AMapOfOnesOwnIsCalledByItsOwnName) {
