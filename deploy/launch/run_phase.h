@@ -54,7 +54,8 @@ constexpr StopReason later_reason(StopReason now, StopReason next) {
   return stays ? now : next;
 }
 
-// Of a stop, so that it is over within 10 s: workers and hosts that still run get SIGTERM, then SIGKILL.
+// Of a stop, so that it is over within 10 s: workers and hosts that still run get SIGTERM, then SIGKILL. One that saves
+// something gets SIGKILL so long after it was last seen at work.
 constexpr double kTermAfterS = 8.0;
 constexpr double kKillAfterS = 9.5;
 

@@ -173,12 +173,25 @@ void Supervision::tend_evaluations_and_hosts() {
   if (is_at_work() && !hosts_.failure().empty()) fail({ErrorCode::kPeerLost, hosts_.failure()});
 }
 
+/// A last checkpoint or a video takes as long as the machine lets it: only one that makes no progress is killed.
+bool Supervision::saves_something(const Worker& worker) const {
+  return (worker.role == Role::kLearner && plan_.trains()) ||
+         (worker.role == Role::kSim && plan_.film.is_wanted());
+}
+
 void Supervision::enforce_stop() {
   if (!is_over(phase_)) return;
-  const double waited_s = clock_.now_s() - stopping_since_s_;
-  const int next = waited_s >= kKillAfterS ? SIGKILL : waited_s >= kTermAfterS ? SIGTERM : 0;
+  const double now_s = clock_.now_s(), waited_s = now_s - stopping_since_s_;
   for (Worker& worker : workers_.workers()) {
-    if (!worker.process || next == 0 || worker.stop_signal == next) continue;
+    if (!worker.process) continue;
+    if (saves_something(worker) && worker.process->is_at_work()) worker.at_work_s = now_s;
+    const double idle_s = now_s - std::max(stopping_since_s_, worker.at_work_s);
+    const int next = idle_s >= kKillAfterS ? SIGKILL : waited_s >= kTermAfterS ? SIGTERM : 0;
+    if (waited_s >= kKillAfterS && next != SIGKILL && !std::exchange(worker.is_slow, true))
+      effects_.note(worker.name + " is still at work and is waited for; " +
+                    (interrupts_ > 0 ? "Ctrl-C kills it" : "two Ctrl-C kill it") +
+                    (worker.role == Role::kLearner ? ", " + meter_.unsaved_text() : ""));
+    if (next == 0 || worker.stop_signal == next) continue;
     worker.stop_signal = next;
     worker.process->send_signal(next);
     if (next == SIGKILL) effects_.note(worker.name + " did not stop in time and is killed");

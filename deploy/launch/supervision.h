@@ -75,6 +75,7 @@ class Supervision {
   void begin_when_all_joined();
   void complete_when_done();
   void tend_evaluations_and_hosts();
+  bool saves_something(const Worker& worker) const;
   void enforce_stop();
   void end_when_all_left();
 

@@ -31,7 +31,7 @@ struct RunOutcome {
 };
 
 /// Runs the plan to its end. SIGINT and SIGTERM: finish the optimizer step, checkpoint, flush, stop within 10
-/// s; a second SIGINT stops at once. A dead simulator or policy worker is restarted with back-off; a dead
+/// s, or as soon as a slow machine lets the learner save; a second SIGINT stops at once. A dead simulator or policy worker is restarted with back-off; a dead
 /// learner is restarted from the last checkpoint. Children die with this process. Errors: kNoSpace (arena),
 /// kSystem (sockets, DDS), kPeerLost (a worker that keeps dying; its last log line).
 Expected<RunOutcome> run(const LaunchPlan& plan);

@@ -45,8 +45,10 @@ struct Worker {
   uint64_t decisions_at_start = 0;  ///< of its counter in the arena
   std::string last_line;            ///< of its output
   double minute_began_s = 0;
-  int lines_shown = 0;           ///< since then
-  int stop_signal = 0;           ///< sent because it did not leave by itself
+  int lines_shown = 0;   ///< since then
+  int stop_signal = 0;   ///< sent because it did not leave by itself
+  double at_work_s = 0;  ///< when it was last seen at work since the stop, if it has something to save
+  bool is_slow = false;  ///< the user was told that its stop takes long
   uint64_t decisions_heard = 0;  ///< of its counter, and when it moved last
   double heard_s = 0;
 };

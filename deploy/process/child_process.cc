@@ -6,9 +6,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <string_view>
+#include <system_error>
 
 #include "deploy/process/process_start.h"
 #include "deploy/process/process_time.h"
@@ -23,10 +26,10 @@ double seconds_of(const timeval& time) {
   return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
 }
 
-/// What /proc/<pid>/stat says behind the program's name, which stands in brackets and may hold anything (proc(5)): from
-/// the state on. Empty where there is no such process.
-std::string stat_of(pid_t pid) {
-  const std::string stat = read_file("/proc/" + std::to_string(pid) + "/stat").value_or("");
+/// What the file "stat" of a process or a thread says behind the program's name, which stands in brackets and may hold
+/// anything (proc(5)): from the state on. Empty where there is no such process.
+std::string stat_of(const std::string& folder) {
+  const std::string stat = read_file(folder + "/stat").value_or("");
   const std::size_t name_end = stat.rfind(')');
   return name_end == std::string::npos || name_end + 2 >= stat.size() ? "" : stat.substr(name_end + 2);
 }
@@ -127,8 +130,17 @@ const std::optional<ExitStatus>& ChildProcess::poll_exit() {
 }
 
 bool ChildProcess::is_stopped() const {
-  const std::string stat = stat_of(pid_);
+  const std::string stat = stat_of("/proc/" + std::to_string(pid_));
   return stat.starts_with('T') || stat.starts_with('t');
+}
+
+bool ChildProcess::is_at_work() const {
+  std::error_code ended;
+  const std::filesystem::directory_iterator threads("/proc/" + std::to_string(pid_) + "/task", ended);
+  return std::ranges::any_of(threads, [](const auto& thread) {
+    const std::string stat = stat_of(thread.path().string());
+    return stat.starts_with('R') || stat.starts_with('D');
+  });
 }
 
 double ChildProcess::cpu_seconds() const { return exit_ ? cpu_s_at_exit_ : family_seconds(pid_); }

@@ -36,6 +36,7 @@ class ChildProcess final : public Process {
   void end_input() override { input_.close(); }
   double cpu_seconds() const override;
   bool is_stopped() const override;
+  bool is_at_work() const override;
 
  private:
   ChildProcess(pid_t pid, Descriptor output, Descriptor input)

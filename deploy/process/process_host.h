@@ -53,6 +53,8 @@ class Process {
   virtual double cpu_seconds() const = 0;
   /// Whether SIGSTOP or a debugger holds it.
   virtual bool is_stopped() const = 0;
+  /// Whether a thread of it runs, or waits for a core or a disk, at this moment.
+  virtual bool is_at_work() const = 0;
 };
 
 /// Threads: the supervisor's.

@@ -23,13 +23,14 @@ constexpr Chance kChances[] = {
     {Verb::kRefusedPause, 4}, {Verb::kRefusedResume, 4}, {Verb::kRefusedCheckpoint, 2},
     {Verb::kFinish, 6},       {Verb::kLeave, 1},         {Verb::kUnstartable, 1},
     {Verb::kStop, 2},         {Verb::kInterrupt, 4},     {Verb::kTerminate, 2},
-    {Verb::kHangUp, 1},       {Verb::kLetGo, 1}};
+    {Verb::kHangUp, 1},       {Verb::kLetGo, 1},         {Verb::kSlow, 6}};
 constexpr uint32_t kWeights = [] {
   uint32_t sum = 0;
   for (const Chance& chance : kChances) sum += chance.weight;
   return sum;
 }();
 constexpr double kWaits[] = {0.05, 0.05, 0.3, 0.3, 1, 1, 2.5, 7, 12, 40, 130};
+constexpr double kSlowS[] = {3, 9, 12, 25};
 constexpr int kCodes[] = {0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 2, 3};
 
 template <typename Values>
@@ -105,6 +106,7 @@ Step draw_step(const Setting& setting, const Bent& bent, Rng& rng) {
   }
   if (step.verb == Verb::kWait) step.number = std::max(bent.shortest_s, one_of(kWaits, rng));
   if (step.verb == Verb::kPlay) step.number = 1 + rng.below(12);
+  if (step.verb == Verb::kSlow) step.number = one_of(kSlowS, rng);
   if (step.verb == Verb::kExit) step.number = one_of(kCodes, rng);
   if (step.verb == Verb::kDie) step.number = rng.below(2) == 0 ? 9 : 11;
   if (step.verb == Verb::kEpisode) step.number = rng.below(kEpisodes + 2);

@@ -9,7 +9,8 @@ namespace {
 using deploy::RunPhase;
 
 constexpr double kSlightS = 1e-6;
-// The promise of a stop: a signal to leave after 8 s, an end by force after 9.5 s, all over within 10 s.
+// The promise of a stop: a signal to leave after 8 s, an end by force after 9.5 s, all over within 10 s. A learner that
+// still works on its last checkpoint has these times from its last moment of work on.
 constexpr double kAskedS = 8, kForcedS = 9.5, kOverS = 10;
 constexpr double kEvaluationForcedS = 4;
 // Of a host's calls.
@@ -228,15 +229,18 @@ void Referee::judge_hosts(double late_s) {
 
 void Referee::judge_signals(double late_s) {
   const double now_s = clock_.now_s(), waited_s = now_s - stopped_s_;
+  const Body* const learner = setting_.trains() ? host_.living(setting_.learner()) : nullptr;
+  if (is_over() && learner != nullptr && !learner->is_hung) saved_s_ = now_s;
   for (int place = 0; place < setting_.evaluation(); ++place) {
     const Body* body = host_.body(place);
     if (body == nullptr) continue;
     const std::string name = setting_.name(place);
     const bool is_stuck =
         setting_.is_worker(place) && !body->has_joined && body->started_s + kJoinWithinS < now_s + kSlightS;
+    const double idle_since_s = setting_.is_learner(place) ? std::max(stopped_s_, saved_s_) : stopped_s_;
     if (is_over() && body->is_alive()) {
       expect(waited_s < kAskedS || body->term_s > 0, "deadlines", name + " got no SIGTERM after 8 s");
-      expect(waited_s < kForcedS, "deadlines", name + " is alive 9.5 s after the stop");
+      expect(now_s - idle_since_s < kForcedS, "deadlines", name + " is alive 9.5 s after the stop");
       expect(!is_killed_, "deadlines", name + " is alive after a second SIGINT");
     }
     if (!is_over() && setting_.is_worker(place) && body->is_alive())
@@ -246,7 +250,7 @@ void Referee::judge_signals(double late_s) {
       expect(is_over() && body->term_s >= stopped_s_ + kAskedS - kSlightS, "deadlines",
              name + " got SIGTERM too early");
     if (body->kill_s > 0)
-      expect((is_over() && body->kill_s >= stopped_s_ + kForcedS - kSlightS) ||
+      expect((is_over() && body->kill_s >= idle_since_s + kForcedS - kSlightS) ||
                  (is_killed_ && body->kill_s >= killed_s_) || is_stuck,
              "deadlines", name + " was killed too early");
   }
@@ -271,8 +275,8 @@ void Referee::judge_phase(const deploy::Supervision& run, const shm::Arena* aren
          std::string("the run ") + word_of(run.reason()) + " and should be: " + word_of(expected_reason()));
   expect(phase != RunPhase::kEnded || !host_.any_alive(), "left alive", "a process outlives the run");
   if (is_over() && !plays_on())
-    expect(phase == RunPhase::kEnded ||
-               now_s < std::max(stopped_s_ + kOverS, left_out_s_ + kEvaluationForcedS + 1),
+    expect(phase == RunPhase::kEnded || now_s < std::max(std::max(stopped_s_, saved_s_) + kOverS,
+                                                         left_out_s_ + kEvaluationForcedS + 1),
            "deadlines", "the run is not over 10 s after its stop");
   if (arena == nullptr) return;
   const shm::RunState state = arena->control().run_state.load();

@@ -59,6 +59,7 @@ enum class Verb {
   kExit,         ///< a process ends with this code
   kDie,          ///< a process is killed by this signal
   kHang,         ///< a process does nothing from now on, whatever it is told
+  kSlow,         ///< a process takes so many seconds to leave after the stop, whatever it is told
   kUnstartable,  ///< a worker's program cannot be started from now on
   kPause,        ///< comrad ctl pause, which the run grants
   kResume,
@@ -72,7 +73,7 @@ enum class Verb {
   kHangUp,     ///< SIGHUP
   kLetGo,      ///< the end of the standard input
 };
-constexpr int kVerbs = 29;
+constexpr int kVerbs = 30;
 
 struct Step {
   Verb verb = Verb::kWait;

@@ -33,6 +33,7 @@ class Puppet final : public deploy::Process {
   }
   double cpu_seconds() const override { return 0; }
   bool is_stopped() const override { return body_->is_stopped; }
+  bool is_at_work() const override { return host_.shows_work_ && body_->is_alive() && !body_->is_hung; }
 
  private:
   SimulatedHost& host_;

@@ -24,6 +24,7 @@ struct Body {
   double started_s = 0;
   bool has_joined = false;
   bool is_hung = false;
+  double slow_s = 0;               ///< how long it works on after the stop; 0: as the others do
   bool is_stopped = false;         ///< by SIGSTOP
   std::vector<std::string> lines;  ///< printed and not read yet
   bool has_worked = false;
@@ -66,6 +67,7 @@ class SimulatedHost final : public deploy::ProcessHost {
   void make_unstartable(int place) { unstartable_.insert(place); }
   bool is_unstartable(int place) const { return unstartable_.contains(place); }
   void ignore_kills() { ignores_kill_ = true; }
+  void show_nobody_at_work() { shows_work_ = false; }
 
   /// What the supervisor did since forget_news(), in its order.
   const std::vector<Exit>& exits() const { return exits_; }
@@ -84,7 +86,7 @@ class SimulatedHost final : public deploy::ProcessHost {
   std::set<int> unstartable_;
   std::vector<Exit> exits_;
   std::vector<int> starts_, doubles_, failures_;
-  bool ignores_kill_ = false;
+  bool ignores_kill_ = false, shows_work_ = true;
   pid_t next_pid_ = 1000;
 };
 

@@ -97,6 +97,7 @@ SimulatedRun::SimulatedRun(const Setting& setting, Fault fault)
       slabs_(static_cast<std::size_t>(setting.sims)),
       supervision_(plan_, clock_, host_, folder_, effects_) {
   if (fault == Fault::kSparesTheStubborn) host_.ignore_kills();
+  if (fault == Fault::kSeesNobodyAtWork) host_.show_nobody_at_work();
   supervision_.start();
   openings_ = effects_.openings();
   referee_.judge(supervision_, &effects_.arena(), 0);
@@ -147,6 +148,7 @@ const char* SimulatedRun::why_not(const Step& step) const {
   if (last->is_hung) return "it hangs";
   if (step.verb == Verb::kExit || step.verb == Verb::kHang) return nullptr;
   if (!is_worker) return "it is no worker";
+  if (step.verb == Verb::kSlow) return step.number <= 0 ? "that is no time" : nullptr;
   if (step.verb == Verb::kJoin) return last->has_joined ? "it has joined already" : nullptr;
   return last->has_joined ? why_no_work(step) : "it has not joined";
 }
@@ -277,6 +279,9 @@ Status SimulatedRun::apply(const Step& step) {
     case Verb::kHang:
       one->is_hung = true;
       break;
+    case Verb::kSlow:
+      one->slow_s = step.number;
+      break;
     case Verb::kUnstartable:
       host_.make_unstartable(step.place);
       break;
@@ -362,8 +367,9 @@ void SimulatedRun::let_bodies_act() {
     Body* one = body(place);
     if (one == nullptr || one->is_hung) continue;
     if (setting_.is_worker(place)) {
-      if (one->term_s > 0 || (is_stopping && now_s >= over_s_ + setting_.leave_s * (1 + 0.1 * place)))
-        leave(*one);
+      const bool is_told = one->term_s > 0 && one->slow_s == 0;
+      const double takes_s = one->slow_s > 0 ? one->slow_s : setting_.leave_s * (1 + 0.1 * place);
+      if (is_told || (is_stopping && now_s >= over_s_ + takes_s)) leave(*one);
     } else if (setting_.is_host(place)) {
       if (one->term_s > 0 || one->input_ended_s > 0) one->end({}, now_s);
     } else if (one->term_s > 0) {
@@ -439,8 +445,8 @@ void SimulatedRun::train() {
 
 void SimulatedRun::settle() {
   if (!referee_.is_over() && !failure()) (void)apply({.verb = Verb::kTerminate});
-  // Twice the longest way: a stop, and evaluations that are left out half way.
-  for (double waited_s = 0; waited_s < 30 && !has_finished_ && !failure(); waited_s += setting_.tick_s) {
+  // Twice the longest way: the stop of a slow learner, and evaluations that are left out half way.
+  for (double waited_s = 0; waited_s < 80 && !has_finished_ && !failure(); waited_s += setting_.tick_s) {
     Body* evaluation = body(setting_.evaluation());
     if (evaluation != nullptr && !evaluation->is_hung && referee_.plays_on())
       evaluation->end({}, clock_.now_s());

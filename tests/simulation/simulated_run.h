@@ -25,6 +25,7 @@ enum class Fault {
   kHurries,               ///< a dead worker starts again at once
   kSparesTheStubborn,     ///< SIGKILL does nothing
   kTellsNobodyOfTheStop,  ///< workers do not hear that the run stops
+  kSeesNobodyAtWork,      ///< a learner that still saves looks like one that hangs
 };
 
 /// The arena and what workers are told.

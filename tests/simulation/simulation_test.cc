@@ -205,6 +205,25 @@ TEST_F(Simulation, AStopKillsTheStubbornAndSaysThatTheLearnerDidNotSave) {
       << "a dead learner saves nothing";
 }
 
+TEST_F(Simulation, ALearnerThatIsSlowToSaveIsWaitedForAsLongAsItWorks) {
+  const std::string text = std::string("run train") + kAllJoin + R"(
+play sim-0 8
+take learner
+train learner
+slow learner 60
+interrupt
+wait 30)";
+  const Played saved = play_text(text + "\nwait 40");
+  EXPECT_EQ(saved.ending.reason, StopReason::kInterrupted);
+  EXPECT_THAT(saved.ending.message, HasSubstr("go on with --experiment"));
+  EXPECT_EQ(play_text(text + "\nhang learner\nwait 10").ending.reason, StopReason::kNotSaved);
+  EXPECT_EQ(play_text(text + "\ninterrupt\nwait 0.3").ending.reason, StopReason::kKilled);
+  EXPECT_EQ(
+      play_text(std::string("run train") + kAllJoin + "slow sim-0 60\nterminate\nwait 10").ending.reason,
+      StopReason::kInterrupted)
+      << "a simulator has nothing to save";
+}
+
 TEST_F(Simulation, ASecondSigintEndsItAtOnce) {
   const Played played = play_text(std::string("run train") + kAllJoin +
                                   "hang learner\nhang sim-1\ninterrupt\nwait 0.3\ninterrupt\nwait 0.3");
@@ -306,7 +325,8 @@ TEST_F(Simulation, APlantedFaultIsCaughtAndItsScheduleShortened) {
   for (const Planted& planted :
        {Planted{Fault::kForgetsTheDead, "accounts", 10}, Planted{Fault::kRestartsWithoutBound, "phase", 12},
         Planted{Fault::kHurries, "restarts", 4}, Planted{Fault::kSparesTheStubborn, "deadlines", 3},
-        Planted{Fault::kTellsNobodyOfTheStop, "run state", 1}}) {
+        Planted{Fault::kTellsNobodyOfTheStop, "run state", 1},
+        Planted{Fault::kSeesNobodyAtWork, "deadlines", 5}}) {
     std::optional<Played> broken;
     uint64_t seed = 0;
     while (!broken && ++seed <= 2000)

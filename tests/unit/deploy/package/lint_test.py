@@ -61,7 +61,7 @@ UNIT = "deploy/systemd/comrad@.service"
 INSTALLED = ("ExecStart=comrad ", "ExecStart=/bin/true ")
 CASES = [
     Case(UNIT, "systemd-analyze", verify, "KillMode=mixed", "KillMode=mix", silent=True, before=INSTALLED),
-    Case(UNIT, "systemd-analyze", verify, "TimeoutStopSec=20", "TimeoutStopSeconds=20", silent=True, before=INSTALLED),
+    Case(UNIT, "systemd-analyze", verify, "TimeoutStopSec=60", "TimeoutStopSeconds=60", silent=True, before=INSTALLED),
     Case(UNIT, "systemd-analyze", rate, "CapabilityBoundingSet=\n", "", before=INSTALLED),
     Case("deploy/docker/Dockerfile", "hadolint", read, "FROM debian:${DEBIAN} AS build", "FROM debian AS build"),
     Case("deploy/docker/Dockerfile", "hadolint", read, "WORKDIR /src", "WORKDIR src"),

@@ -87,6 +87,19 @@ TEST(ChildProcess, CountsTheProcessorTimeOfAChildWhileItRunsAndAfterwards) {
   EXPECT_GE(moved.cpu_seconds(), running_s - 0.011);
 }
 
+TEST(ChildProcess, IsAtWorkWhileItWantsACoreButNotWhileItWaitsOrIsStopped) {
+  auto child = ChildProcess::spawn(shell("trap 'exec sleep 1000' TERM; while :; do :; done"));
+  ASSERT_TRUE(child) << child.error().message;
+  EXPECT_TRUE(test::wait_until([&] { return child->is_at_work(); }));
+  child->send_signal(SIGSTOP);
+  EXPECT_TRUE(test::wait_until([&] { return child->is_stopped() && !child->is_at_work(); }));
+  child->send_signal(SIGTERM), child->send_signal(SIGCONT);
+  EXPECT_TRUE(test::wait_until([&] { return !child->is_stopped() && !child->is_at_work(); }));
+  child->send_signal(SIGKILL);
+  EXPECT_TRUE(test::wait_until([&] { return child->poll_exit().has_value(); }));
+  EXPECT_FALSE(child->is_at_work());
+}
+
 TEST(ChildProcess, OutputMayGoElsewhereAndErrorsStillComeBack) {
   int ends[2];
   ASSERT_EQ(pipe2(ends, O_CLOEXEC), 0);
