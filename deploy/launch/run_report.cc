@@ -43,14 +43,14 @@ std::string RunReport::evaluation_line() const {
                            plan_.config.environment.env_frameskip);
 }
 
-/// "film 700/700 frames | "; empty where nothing is filmed.
+/// "film 700/700 tics | "; empty where nothing is filmed.
 std::string RunReport::film_text() const {
   if (!plan_.film.is_wanted()) return "";
   const auto limit = std::llround(kTicRateHz * plan_.film.seconds);
   const int64_t played_tics = static_cast<int64_t>(meter_.played_decisions()) *
                               plan_.config.environment.env_frameskip / std::max(1, plan_.env.num_agents);
-  if (limit == 0) return "film " + whole_text(played_tics) + " frames | ";
-  return "film " + whole_text(std::min<int64_t>(played_tics, limit)) + "/" + whole_text(limit) + " frames | ";
+  if (limit == 0) return "film " + whole_text(played_tics) + " tics | ";
+  return "film " + whole_text(std::min<int64_t>(played_tics, limit)) + "/" + whole_text(limit) + " tics | ";
 }
 
 std::string RunReport::progress_line() const {

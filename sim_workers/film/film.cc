@@ -54,9 +54,9 @@ Expected<std::unique_ptr<Film>> Film::create(const FilmOptions& options,
   const cv::Size size = film->frame_.size();
   if (lower_case(options.video).ends_with(".gif")) {
     COMRAD_TRY_ASSIGN(film->file_, GifFile::create(options.video, size));
+    film->is_gif_ = true;
   } else if (!options.video.empty()) {
     COMRAD_TRY_ASSIGN(film->file_, VideoFile::create(options.video, size));
-    film->shows_every_tic_ = true;
   }
   return film;
 }
@@ -79,12 +79,16 @@ void Film::film(const DoomEnvironment& environment, bool ends_a_decision) {
   tics_left_ -= tics;
   // Numbers that change with every tic cannot be read, and text is the dearest to draw.
   if (ends_a_decision) read_captions(environment);
-  if (!ends_a_decision && !shows_every_tic_) return;
+  const bool is_png = ends_a_decision && !options_.frames.empty();
+  const bool is_frame = file_ != nullptr && (is_gif_ ? ends_a_decision : is_over || --shown_tics_ < 0);
+  if (!is_frame && !is_png) return;
   const cv::Mat& picture = draw(environment);
-  if (file_ != nullptr)
-    status_ = file_->add(picture, is_over || shows_every_tic_ ? tics : environment.game().frame_skip);
-  if (status_ && !options_.frames.empty() && ends_a_decision)
-    status_ = write_picture(picture, caption_.decisions);
+  if (is_frame) {
+    const int64_t frame_tics = is_gif_ ? environment.game().frame_skip : kTicsPerFrame;
+    status_ = file_->add(picture, is_over ? tics : frame_tics);
+    shown_tics_ = is_over ? 0 : frame_tics - 1;
+  }
+  if (status_ && is_png) status_ = write_picture(picture, caption_.decisions);
 }
 
 void Film::read_captions(const DoomEnvironment& environment) {

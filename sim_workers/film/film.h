@@ -1,4 +1,4 @@
-// A film of one environment: every tic as a frame of a video, every decision as a picture in a folder.
+// A film of one environment: every second tic as a frame of a video, every decision as a picture in a folder.
 // Stage: beside step, for eyes.
 #pragma once
 
@@ -16,8 +16,7 @@
 namespace comrad::sim {
 
 struct FilmOptions {
-  std::string video =
-      {};  ///< file .mp4 or .mkv, H.264 with a frame a tic, or .gif with one a decision; empty: none
+  std::string video = {};  ///< file .mp4 or .mkv, H.264, or .gif with a picture a decision; empty: none
   std::string finished_video = {};  ///< what `video` is renamed to once it is whole; empty: it keeps its name
   std::string frames = {};          ///< folder of episode_<n>_decision_<n>.png; empty: none
   ViewSize size{640, 360};          ///< of one agent's view
@@ -51,7 +50,8 @@ class Film final : public TicWatcher {
   FilmFrame frame_;
   std::unique_ptr<doom::Renderer> renderer_;
   std::unique_ptr<FilmFile> file_;  // null: none
-  bool shows_every_tic_ = false;    // else one picture a decision
+  bool is_gif_ = false;             // one picture a decision
+  int64_t shown_tics_ = 0;          // that the last frame of a video still stands for
   int64_t tics_left_;               // until the film is complete
   uint64_t episodes_ = 0;
   std::vector<std::vector<uint8_t>> views_;  // [N][3, height, width]

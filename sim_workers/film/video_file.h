@@ -17,7 +17,10 @@ struct AVPacket;
 
 namespace comrad::sim {
 
-/// 35 frames a second, as the game runs. Frames are compressed by threads of the encoder. Threads: one.
+/// Tics that a frame stands for: every second one is shown. Half of the frames are half of the work and of the file.
+constexpr int64_t kTicsPerFrame = 2;
+
+/// 17.5 frames a second. Frames are compressed by threads of the encoder. Threads: one.
 class VideoFile final : public FilmFile {
  public:
   /// `size`: even numbers of pixels. Errors: kUnsupported where FFmpeg has no H.264 encoder or refuses the size, kSystem
@@ -38,7 +41,8 @@ class VideoFile final : public FilmFile {
   const std::string path_;
   AVFormatContext* format_ = nullptr;
   AVCodecContext* encoder_ = nullptr;
-  cv::Mat planes_;  // of a picture: luminance, then blue and red at half the size
+  int64_t tics_ = 0;  // added
+  cv::Mat planes_;    // of a picture: luminance, then blue and red at half the size
   AVFrame* frame_ = nullptr;
   AVPacket* packet_ = nullptr;
 };

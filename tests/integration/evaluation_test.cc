@@ -62,7 +62,7 @@ TEST(Evaluation, AFilmMayEndBeforeItsEpisodeAndCountsItsFrames) {
   const Ending ending = comrad({"eval", "--policy", "random", "--scenario", "coop_health_gathering",
                                 "--save_video", video, "--size", "128x72", "--seconds", "1"});
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
-  EXPECT_THAT(ending.err, HasSubstr("/35 frames | "));
+  EXPECT_THAT(ending.err, HasSubstr("/35 tics | "));
   EXPECT_GT(fs::file_size(video), 1000u);
   EXPECT_LT(fs::file_size(video), 300'000u);
 }
