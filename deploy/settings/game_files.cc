@@ -163,9 +163,8 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
         run_program(words, {.timeout_s = 120.0 + static_cast<double>(pool ? pool->count.value_or(0) : 0)}));
     if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were made"};
     if (made.exit_code != 0)
-      return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made) + " (layout_pool is " +
-                                             config.environment.layout_pool +
-                                             "; a folder of WADs will do as well)"};
+      return Error{ErrorCode::kBadInput,
+                   "comrad-doomgen: " + last_words(made) + " (--layout_pool takes a folder of WADs, too)"};
   }
   COMRAD_TRY_ASSIGN(
       const ProgramResult checked,

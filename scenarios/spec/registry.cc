@@ -64,7 +64,9 @@ Expected<ParameterValues> parameter_values(const ScenarioSpec& spec, const Layou
   for (const NamedNumber& one : spec.layout) {
     if (!values.contains(one.name))
       return Error{ErrorCode::kBadFormat,
-                   one.where + ": [layout]: " + unknown_word("layout parameter", one.name, known)};
+                   one.where + ": [layout]: " +
+                       (known.empty() ? "only maps that are drawn have parameters; leave it out beside wad"
+                                      : unknown_word("layout parameter", one.name, known))};
     values[one.name] = one.value;
   }
   for (const auto& [name, text] : request.parameters) {
@@ -309,8 +311,9 @@ Expected<GeneratedLayout> generate_layout(const std::string& named, const Layout
                                              std::to_string(starts) + " players, not for " +
                                              std::to_string(request.num_agents)};
     layout.info = {
-        request.as.empty() ? scenario : request.as,           request.seed, spec.version, attempt, values,
-        ceilings_of(spec, recipe, values, drawn->most_agents)};
+        request.as.empty() ? scenario : request.as, request.seed, spec.version, attempt, values,
+        // Another scenario pays for something else: its own ceiling holds.
+        request.as.empty() ? ceilings_of(spec, recipe, values, drawn->most_agents) : std::map<int, double>{}};
     for (const LayoutParameter& parameter : recipe.parameters)
       if (parameter.hide_default && values.at(parameter.name) == parameter.default_value)
         layout.info.parameters.erase(parameter.name);

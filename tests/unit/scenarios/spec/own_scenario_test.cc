@@ -186,6 +186,7 @@ TEST_F(OwnScenario, AMapOfAnotherScenarioIsRefusedWithWaysOut) {
                     HasSubstr("comrad doomgen lava_pit --as my_scenario -o " + file)));
   const auto drawn = generate_layout("lava_pit", {.as = "my_scenario"});
   ASSERT_TRUE(drawn);
+  EXPECT_TRUE(drawn->info.ceiling.empty()) << "scenario.toml has the ceiling";
   write("my.wad", drawn->wad);
   const auto accepted = generate_layout(folder_.string(), {});
   ASSERT_TRUE(accepted) << accepted.error().message;
@@ -201,8 +202,11 @@ TEST_F(OwnScenario, AMapThatIsMissingOrNoneIsAnError) {
   EXPECT_THAT(generate_layout(folder_.string(), {}).error().message, HasSubstr("my.wad"));
   write("scenario.toml", with("wad = \"my.wad\"\n", ""));
   EXPECT_THAT(generate_layout(folder_.string(), {}).error().message, HasSubstr("neither"));
-  write("scenario.toml", kToml);
+  write("scenario.toml", std::string(kToml) + "[layout]\nradius = 900\n");
   write("my.wad", bytes_);
+  EXPECT_THAT(default_ceilings(*load_scenario(folder_.string())).error().message,
+              HasSubstr("leave it out beside wad"));
+  write("scenario.toml", kToml);
   EXPECT_THAT(generate_layout(folder_.string(), {.parameters = {{"side", "3"}}}).error().message,
               HasSubstr("side"));
 }
