@@ -59,6 +59,9 @@ constexpr StopReason later_reason(StopReason now, StopReason next) {
 constexpr double kTermAfterS = 8.0;
 constexpr double kKillAfterS = 9.5;
 
+/// A SIGINT so soon after the last one is the same Ctrl-C: wrappers pass on what the terminal has sent to the whole group.
+constexpr double kSameInterruptS = 0.25;
+
 constexpr int kExitInterruptedTwice = 130;  ///< as a shell reports SIGINT
 
 /// The exit code of a run that stopped for `reason`, and the state that status.json keeps.

@@ -276,6 +276,9 @@ Expected<uint32_t> Supervision::ask_for_checkpoint(const std::string& who) {
 }
 
 void Supervision::interrupt(int signal) {
+  const double now_s = clock_.now_s();
+  if (signal == SIGINT && interrupts_ > 0 && now_s - interrupted_s_ < kSameInterruptS) return;
+  if (signal == SIGINT) interrupted_s_ = now_s;
   const bool is_second = signal == SIGINT && ++interrupts_ >= 2;
   const std::string name = signal == SIGINT ? "SIGINT" : signal == SIGTERM ? "SIGTERM" : "SIGHUP";
   if (!is_over(phase_)) {

@@ -49,7 +49,8 @@ class Supervision {
   Status resume();
   /// The wish's number: done when `checkpoint_done` of the control block reaches it.
   Expected<uint32_t> ask_for_checkpoint(const std::string& who);
-  /// SIGINT, SIGTERM or SIGHUP. The last evaluations are not waited for then; a second SIGINT kills.
+  /// SIGINT, SIGTERM or SIGHUP. The last evaluations are not waited for then; a second SIGINT kills, unless it is
+  /// the first one once more (kSameInterruptS).
   void interrupt(int signal);
   void ask_to_stop();  ///< comrad ctl
   void input_ended();  ///< the run that called this host has let it go
@@ -109,6 +110,7 @@ class Supervision {
   bool starts_again_ = false;         ///< all workers, at the end of this turn's deaths
   bool pauses_when_it_runs_ = false;  ///< all workers start again while it was paused
   int interrupts_ = 0;
+  double interrupted_s_ = 0;  ///< when the last of them came
   uint64_t memory_kills_;
 };
 

@@ -13,6 +13,7 @@ constexpr double kSlightS = 1e-6;
 // still works on its last checkpoint has these times from its last moment of work on.
 constexpr double kAskedS = 8, kForcedS = 9.5, kOverS = 10;
 constexpr double kEvaluationForcedS = 4;
+constexpr double kSameSigintS = 0.25;
 // Of a host's calls.
 constexpr deploy::RestartLimits kCalls{.first_delay_s = 2, .max_delay_s = 60, .window_s = 600, .deaths = 10};
 constexpr double kHostWorkedS = 60;
@@ -64,6 +65,9 @@ void Referee::stop(StopReason reason) {
 }
 
 void Referee::interrupt(bool is_sigint) {
+  const double now_s = clock_.now_s();
+  if (is_sigint && sigints_ > 0 && now_s - sigint_s_ < kSameSigintS) return;
+  if (is_sigint) sigint_s_ = now_s;
   sigints_ += is_sigint;
   if (!is_over()) return stop(StopReason::kInterrupted);
   if (left_out_s_ == 0) left_out_s_ = clock_.now_s();

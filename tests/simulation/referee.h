@@ -112,6 +112,7 @@ class Referee {
   int sigints_ = 0;
   StopReason base_ = StopReason::kNone;
   double stopped_s_ = 0, left_out_s_ = 0, killed_s_ = 0;
+  double sigint_s_ = 0;
   double saved_s_ = 0;  // of a stop: when the learner was last at work
 };
 

@@ -229,6 +229,11 @@ TEST_F(Simulation, ASecondSigintEndsItAtOnce) {
                                   "hang learner\nhang sim-1\ninterrupt\nwait 0.3\ninterrupt\nwait 0.3");
   EXPECT_EQ(played.ending.reason, StopReason::kKilled);
   EXPECT_THAT(played.ending.message, HasSubstr("stopped at once"));
+  EXPECT_EQ(
+      play_text(std::string("run train") + kAllJoin + "interrupt\ninterrupt\nwait 0.2\ninterrupt\nwait 2")
+          .ending.reason,
+      StopReason::kInterrupted)
+      << "one Ctrl-C that comes several times";
 }
 
 TEST_F(Simulation, TheLastEvaluationsArePlayedUnlessTheUserLeavesThemOut) {
