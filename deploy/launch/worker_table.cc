@@ -165,6 +165,7 @@ Status WorkerTable::start(Worker& worker, const shm::Arena& arena, const std::st
   worker.started_s = clock_.now_s();
   worker.last_line.clear();
   worker.decisions_at_start = counters_of(worker, arena).decisions.load();
+  worker.epoch_at_start = counters_of(worker, arena).epoch.load();
   COMRAD_TRY_ASSIGN(worker.process, processes_.spawn(options_of(worker, server)));
   spdlog::info("started {} (pid {})", worker.name, worker.process->pid());
   return {};
@@ -335,10 +336,13 @@ shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) 
 }
 
 bool has_worked(const Worker& worker, const shm::Arena& arena) {
-  const uint64_t decisions = counters_of(worker, arena).decisions.load();
-  if (decisions == worker.decisions_at_start) return false;
-  // A learner that starts again first sets its counter to that of its checkpoint.
-  return worker.role != Role::kLearner || decisions > arena.control().learner_decisions_before.load();
+  const shm::WorkerCounters& counters = counters_of(worker, arena);
+  const uint64_t decisions = counters.decisions.load();
+  if (worker.role != Role::kLearner) return decisions != worker.decisions_at_start;
+  // A learner first sets its counter back to its checkpoint's, and may then come to the very count at which it died.
+  return counters.epoch.load() != worker.epoch_at_start &&
+         counters.state.load() != shm::WorkerState::kStarting &&
+         decisions > arena.control().learner_decisions_before.load();
 }
 
 std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& arena) {

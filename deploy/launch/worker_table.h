@@ -43,6 +43,7 @@ struct Worker {
   int restarts = 0;                 ///< deaths so far
   bool is_unreclaimed = false;      ///< what the dead one held is still to be taken back
   uint64_t decisions_at_start = 0;  ///< of its counter in the arena
+  uint32_t epoch_at_start = 0;      ///< the same: lives of this worker before
   std::string last_line;            ///< of its output
   double minute_began_s = 0;
   int lines_shown = 0;   ///< since then

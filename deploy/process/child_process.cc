@@ -136,11 +136,12 @@ bool ChildProcess::is_stopped() const {
 
 bool ChildProcess::is_at_work() const {
   std::error_code ended;
-  const std::filesystem::directory_iterator threads("/proc/" + std::to_string(pid_) + "/task", ended);
-  return std::ranges::any_of(threads, [](const auto& thread) {
-    const std::string stat = stat_of(thread.path().string());
-    return stat.starts_with('R') || stat.starts_with('D');
-  });
+  for (std::filesystem::directory_iterator thread("/proc/" + std::to_string(pid_) + "/task", ended), end;
+       !ended && thread != end; thread.increment(ended)) {
+    const std::string stat = stat_of(thread->path().string());
+    if (stat.starts_with('R') || stat.starts_with('D')) return true;
+  }
+  return false;
 }
 
 double ChildProcess::cpu_seconds() const { return exit_ ? cpu_s_at_exit_ : family_seconds(pid_); }

@@ -136,10 +136,21 @@ TEST_F(WorkerTableTest, ALearnersWorkIsWhatItCountsBeyondItsCheckpoint) {
   Worker& learner = table_->workers()[3];
   ASSERT_EQ(learner.role, Role::kLearner);
   EXPECT_FALSE(has_worked(learner, arena_));
-  arena_.control().learner_decisions_before = 100;
-  arena_.learner_counters().decisions = 100;
-  EXPECT_FALSE(has_worked(learner, arena_)) << "it has read its checkpoint";
-  arena_.learner_counters().decisions = 164;
+  const auto read_checkpoint = [&] {
+    arena_.learner_counters().begin_life();
+    EXPECT_FALSE(has_worked(learner, arena_)) << "what it counts is its predecessor's";
+    arena_.control().learner_decisions_before = 100;
+    arena_.learner_counters().decisions = 100;
+    arena_.learner_counters().state = shm::WorkerState::kRunning;
+    EXPECT_FALSE(has_worked(learner, arena_)) << "it has read its checkpoint";
+    arena_.learner_counters().decisions = 164;
+  };
+  read_checkpoint();
+  EXPECT_TRUE(has_worked(learner, arena_));
+  // It dies and comes to the same count again.
+  learner.decisions_at_start = 164, learner.epoch_at_start = arena_.learner_counters().epoch;
+  EXPECT_FALSE(has_worked(learner, arena_));
+  read_checkpoint();
   EXPECT_TRUE(has_worked(learner, arena_));
 }
 
