@@ -47,6 +47,7 @@ def compare() -> int:
         print(f"{'ok  ' if good else 'FAIL'} {what}: differs by {difference:.3g}, at most {tolerance:g}")
 
     generator = np.random.default_rng(3)
+    np.random.seed(0)  # rliable draws from numpy's own generator, whatever its random_state
     thresholds = np.linspace(-0.5, 2.0, 41)
     for runs, scenarios in ((5, 13), (3, 4), (10, 2)):
         x = generator.gamma(2.0, 0.3, (runs, scenarios)) + np.linspace(0, 0.4, scenarios)
@@ -71,7 +72,6 @@ def compare() -> int:
             {"x": x},
             lambda one: np.array([metrics.aggregate_iqm(one)]),
             reps=RESAMPLES,
-            random_state=np.random.RandomState(0),
         )[1]["x"]
         ours = intervals.stratified_interval(lambda one: intervals.interquartile_mean(one), ours_x, resamples=RESAMPLES)
         check(f"its interval, {size}", ours, theirs.ravel(), 0.12 * float(np.ptp(theirs)))
@@ -79,7 +79,6 @@ def compare() -> int:
             {"x,y": (x, y)},
             lambda a, b: np.array([metrics.probability_of_improvement(a, b)]),
             reps=RESAMPLES,
-            random_state=np.random.RandomState(0),
         )[1]["x,y"]
         ours = intervals.stratified_interval(intervals.probability_of_improvement, ours_x, ours_y, resamples=RESAMPLES)
         check(f"interval of the improvement, {size}", ours, theirs.ravel(), 0.12 * float(np.ptp(theirs)))
