@@ -267,7 +267,7 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
   const StepRunner::Result result =
       runner_.give({.optimizer = phase.optimizer,
                     .input = input,
-                    .divisors = {std::max(1.0, totals.valid), std::max(1.0, totals.acting)},
+                    .divisors = totals.divisors(),
                     .learning_rate = schedule_.learning_rate() * (totals.valid / totals.places),
                     .keeps = keeps_log_prob,
                     .keep_going = context.keep_going,
@@ -293,6 +293,10 @@ std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) con
   return micros;
 }
 
+std::vector<double> OnPolicy::SampleTotals::divisors() const {
+  return {std::max(1.0, valid), std::max(1.0, acting)};
+}
+
 OnPolicy::SampleTotals OnPolicy::totals_of(const RolloutBatch& minibatch) {
   const std::vector<double> totals = ranks().add_up({static_cast<double>(count_of(minibatch.host_valid)),
                                                      static_cast<double>(count_of(minibatch.host_acting)),
@@ -309,11 +313,10 @@ bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, con
                           TermValues& terms) {
   const SampleTotals totals = totals_of(minibatch);
   Input input(*this, minibatch, phase);
-  const std::optional<StepOutcome> outcome =
-      runner_.gradient_of({.optimizer = phase.optimizer,
-                           .input = input,
-                           .divisors = {std::max(1.0, totals.valid), std::max(1.0, totals.acting)},
-                           .keep_going = context.keep_going});
+  const std::optional<StepOutcome> outcome = runner_.gradient_of({.optimizer = phase.optimizer,
+                                                                  .input = input,
+                                                                  .divisors = totals.divisors(),
+                                                                  .keep_going = context.keep_going});
   if (outcome) terms = outcome->terms;
   return outcome.has_value();
 }

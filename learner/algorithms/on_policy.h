@@ -116,6 +116,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// Samples of a minibatch of all ranks.
   struct SampleTotals {
     double valid = 0, acting = 0, places = 0;
+    /// ppo_loss()'s counts: what means divide by.
+    std::vector<double> divisors() const;
   };
   enum class StepResult { kGiven, kSkipped, kAbandoned, kKlReached };
   SampleTotals totals_of(const RolloutBatch& minibatch);

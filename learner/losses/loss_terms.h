@@ -44,7 +44,7 @@ class LossTerms {
   const std::vector<TermName>& names() const { return names_; }
   Tensor numbers() const;  ///< f32 [K], in the order of names()
 
-  /// A number of each sample that whoever asked for the step wants besides: log pi(a|o), |TD error|. Without gradient; may be undefined.
+  /// A number of each sample that an algorithm asks for besides: log pi(a|o), |TD error|. Without gradient; may be undefined.
   Tensor kept;
 
  private:

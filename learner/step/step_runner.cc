@@ -35,6 +35,13 @@ Part part_of(const MicroLoss& loss, const std::vector<Tensor>& parameters, std::
   return part;
 }
 
+/// Each as f64 [] on the host.
+std::vector<Tensor> tensors_of(const std::vector<double>& numbers) {
+  std::vector<Tensor> tensors;
+  for (const double number : numbers) tensors.push_back(torch::full({}, number, torch::kFloat64));
+  return tensors;
+}
+
 std::vector<std::vector<int64_t>> shapes_of(StepInput& input) {
   std::vector<std::vector<int64_t>> shapes;
   input.visit([&](const Tensor& field) { shapes.push_back(field.sizes().vec()); });
@@ -123,10 +130,8 @@ StepRunner::Result StepRunner::give(const StepRequest& request, UpdateStats& sta
     return Result::kGiven;
   }
   request.optimizer.zero_grad();
-  std::vector<Tensor> divisors;
-  for (const double number : request.divisors) divisors.push_back(torch::full({}, number, torch::kFloat64));
-  if (!add_gradient(request.input, request.optimizer, divisors, request.keeps, request.keep_going,
-                    given.terms))
+  if (!add_gradient(request.input, request.optimizer, tensors_of(request.divisors), request.keeps,
+                    request.keep_going, given.terms))
     return Result::kAbandoned;
   if (request.is_wanted) {
     device::Readback read(at::cat(given.terms.of_parts).to(torch::kFloat64));
@@ -211,10 +216,9 @@ bool StepRunner::add_gradient(const StepInput& input, const AdamOptimizer& optim
 }
 
 std::optional<StepOutcome> StepRunner::gradient_of(const StepRequest& request) {
-  std::vector<Tensor> divisors;
-  for (const double number : request.divisors) divisors.push_back(torch::full({}, number, torch::kFloat64));
   MinibatchTerms terms;
-  if (!add_gradient(request.input, request.optimizer, divisors, request.keeps, request.keep_going, terms))
+  if (!add_gradient(request.input, request.optimizer, tensors_of(request.divisors), request.keeps,
+                    request.keep_going, terms))
     return std::nullopt;
   std::vector<Tensor> numbers = terms.of_parts;
   numbers.insert(numbers.end(), terms.kept.begin(), terms.kept.end());

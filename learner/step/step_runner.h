@@ -59,8 +59,8 @@ struct StepRequest {
   StepInput& input;
   std::vector<double> divisors;
   double learning_rate = 0;
-  bool keeps = false;       ///< GivenStep::kept; on the device, where reads_kept is off
-  bool reads_kept = false;  ///< StepOutcome::kept
+  bool keeps = false;       ///< MinibatchTerms::kept, on the device
+  bool reads_kept = false;  ///< with keeps: StepOutcome::kept
   bool reads_second_moment = false;
   std::function<bool()> keep_going = {};  ///< asked before every micro-batch; may be empty
   /// Asked between gradient and step, for which the host waits; false: no step. May be empty.

@@ -310,7 +310,9 @@ PolicyNet PolicyNet::create_for_loading(PolicyNetOptions options, torch::Device 
 }
 
 PolicyNet PolicyNet::twin() const {
-  PolicyNet twin = make(options(), 0, device(), impl_->normalizer);
+  PolicyNetOptions own = options();
+  own.init = Initialization::kZero;  // all are copied
+  PolicyNet twin = make(own, 0, device(), impl_->normalizer);
   torch::NoGradGuard no_grad;
   const std::vector<Tensor> mine = parameters(), its = twin.parameters();
   for (std::size_t i = 0; i < mine.size(); ++i) its[i].copy_(mine[i]);

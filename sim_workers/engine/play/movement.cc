@@ -34,7 +34,7 @@ bool is_polyobject_line(const WorldState& state, uint32_t line) {
   return false;
 }
 
-/// A player who steers much in the air is slowed there too. Measured in ViZDoom 1.3.2 with SetAirControl of 0.01 to 2.0: what is
+/// A player that steers much in the air is slowed there too. Measured in ViZDoom 1.3.2 with SetAirControl of 0.01 to 2.0: what is
 /// left of its velocity after a tic is 1.0004 - 0.0941 x air control.
 void slow_in_air(Player& player, Actor& body, Fixed air_control) {
   if (air_control <= kAirControl) return;

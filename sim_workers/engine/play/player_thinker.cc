@@ -133,7 +133,7 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   // The bob does not show that feet slip on ice.
   const int32_t step_factor =
       on_ground && footing.friction > kGroundFriction ? kSectorMoveFactor : move_factor;
-  // Scripts make players faster or slower (APROP_Speed), which the bob does not show; who crouches is slower too.
+  // Scripts make players faster or slower (APROP_Speed), which the bob does not show; crouching slows, too.
   // 256 to a unit of the keys.
   const auto strength_of = [&](int32_t units, Fixed speed) {
     return fixed_mul(fixed_mul(units * 256, speed), player.crouch_factor);

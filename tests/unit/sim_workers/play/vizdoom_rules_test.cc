@@ -246,6 +246,13 @@ test::LevelBuilder plain_room() {
   return builder;
 }
 
+/// Puts the player on the barrel at (400, 0).
+void stand_on_barrel(Game& game) {
+  set_position(game.world, game.body().id, to_fixed(400), 0, to_fixed(42));
+  game.tic();
+  ASSERT_EQ(game.body().z, to_fixed(42)) << "it stands on the barrel";
+}
+
 // Probe: GetActorX(20) with two things of id 20, after Thing_ChangeTID of a third, and after SpawnForced.
 TEST(VizdoomRules, ScriptsMeetTheActorThatGotItsIdLastFirst) {
   test::LevelBuilder room = plain_room();
@@ -334,12 +341,8 @@ TEST(VizdoomRules, CurrentsAreFeltWhereTheSectorSaysSo) {
 
 // Probe: a run off a barrel: the first tic beside it has its friction, and a fall of 1, not of a ledge's 2.
 TEST(VizdoomRules, WhoLeavesABodyIsSlowedOnceMoreAndFallsAsFromNoLedge) {
-  test::LevelBuilder room = plain_room();
-  room.thing(2035, 400, 0);
-  Game game(room.build());
-  set_position(game.world, game.body().id, to_fixed(400), 0, to_fixed(42));
-  game.tic();
-  ASSERT_EQ(game.body().z, to_fixed(42)) << "it stands on the barrel";
+  Game game(plain_room().thing(2035, 400, 0).build());
+  ASSERT_NO_FATAL_FAILURE(stand_on_barrel(game));
   game.body().velocity_x = to_fixed(10);
   for (int tic = 0; tic < 10 && game.body().velocity_z == 0; ++tic) {
     const Fixed before = game.body().velocity_x;
@@ -673,11 +676,8 @@ TEST(VizdoomRules, AFrozenPlayerJumps) {
 
 // Probe: a jump from a barrel while running: no friction in its first tic, though the barrel is still below.
 TEST(VizdoomRules, AJumpFromABodyKeepsItsSpeed) {
-  test::LevelBuilder room = plain_room();
-  room.thing(2035, 400, 0);
-  Game game(room.build());
-  set_position(game.world, game.body().id, to_fixed(400), 0, to_fixed(42));
-  game.tic();
+  Game game(plain_room().thing(2035, 400, 0).build());
+  ASSERT_NO_FATAL_FAILURE(stand_on_barrel(game));
   game.body().velocity_x = to_fixed(2), game.body().velocity_z = to_fixed(8);
   game.tic();
   EXPECT_EQ(game.body().velocity_x, to_fixed(2));
