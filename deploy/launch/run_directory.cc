@@ -15,6 +15,7 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {
@@ -26,6 +27,8 @@ constexpr double kOrphanWaitS =
     12.0;  // a learner without its supervisor has 10 s to write its last checkpoint
 constexpr int kMaxOldRuns = 9999;
 constexpr int kMaxRunsOfAName = 9999;
+constexpr std::size_t kEncoderBytesMax = std::size_t{1} << 30;
+constexpr const char* kEncoderFile = "encoder.pt";
 
 Status check_name(const std::string& experiment) {
   bool is_good = !experiment.empty() && experiment.size() <= 200 && experiment[0] != '.';
@@ -178,7 +181,14 @@ RunDirectory::~RunDirectory() {
 
 Status RunDirectory::write_config(const RunConfig& config,
                                   const std::vector<std::pair<std::string, std::string>>& asked_for) const {
-  return write_file_atomically(path_ + "/config.toml", settings_to_toml(config, asked_for), /*durable=*/true);
+  RunConfig written = config;
+  if (is_encoder_file(config.network.encoder)) {
+    written.network.encoder = kEncoderFile;  // the run's own copy, which config.toml names beside itself
+    COMRAD_TRY_ASSIGN(const std::string module, read_short_file(config.network.encoder, kEncoderBytesMax));
+    COMRAD_TRY(write_file_atomically(path_ + "/" + kEncoderFile, module, /*durable=*/true));
+  }
+  return write_file_atomically(path_ + "/config.toml", settings_to_toml(written, asked_for),
+                               /*durable=*/true);
 }
 
 nlohmann::ordered_json account_json(const DecisionAccounts& accounts) {

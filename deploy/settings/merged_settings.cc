@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "rollout_buffer/core/config_file_name.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/recipes.h"
 #include "rollout_buffer/settings/resolve.h"
@@ -29,9 +32,20 @@ std::string whole_path(const std::string& scenario) {
 }
 
 SettingsLayer with_whole_paths(SettingsLayer layer) {
-  for (auto& [key, value] : layer.values)
+  std::error_code ignored;
+  for (auto& [key, value] : layer.values) {
     if (canonical_setting(key) == "scenario") value = whole_path(value);
+    if (canonical_setting(key) == "encoder" && is_encoder_file(value))
+      value = std::filesystem::absolute(value, ignored).lexically_normal().string();
+  }
   return layer;
+}
+
+/// Whether two encoders are files of the same bytes: a run keeps a copy of its module, and the user names the original.
+bool are_equal_files(const std::string& one, const std::string& other) {
+  if (!is_encoder_file(one) || !is_encoder_file(other)) return false;
+  const std::optional<std::string> here = read_file(one), there = read_file(other);
+  return here && there && *here == *there;
 }
 
 using Texts = std::map<std::string, std::string>;
@@ -199,6 +213,8 @@ Expected<MergedSettings> merge_onto_run(const RunConfig& made, const UserSetting
     if (config.environment.num_agents == 0) config.environment.num_agents = run.environment.num_agents;
     return {};
   }));
+  if (are_equal_files(layers.config().network.encoder, run.network.encoder))
+    COMRAD_TRY(layers.put({"run", {{"encoder", run.network.encoder}}}, "run"));
   const RunConfig& config = layers.config();
   for (const SettingRow& row : setting_rows())
     if (row.traits.fixed_in_a_run && row.text(config) != row.text(run))

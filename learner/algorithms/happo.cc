@@ -5,7 +5,7 @@
 
 #include "learner/batch/masked.h"
 #include "learner/losses/ppo_loss.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"

@@ -1,9 +1,9 @@
 #include "learner/algorithms/idqn.h"
 
 #include "learner/estimators/td_targets.h"
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
-#include "policy_workers/policy/utilities.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
+#include "policy_workers/network/utilities.h"
 
 namespace comrad::learn {
 

@@ -4,7 +4,7 @@
 
 #include "learner/estimators/vtrace.h"
 #include "learner/losses/ppo_loss.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 

@@ -11,7 +11,7 @@
 // agent_id_input tells both halves of its input who is who.
 //
 // The rows of a batch stand world by world (RolloutBatch: row = world * N + agent), in the learner as in the
-// policy workers; policy::PolicyNet does the grouping. Source: Yu et al. 2022, arXiv:2103.01955; training
+// policy workers; policy::ActorCritic does the grouping. Source: Yu et al. 2022, arXiv:2103.01955; training
 // spec 1.5, 2.2.
 #pragma once
 

@@ -7,18 +7,18 @@
 #include <span>
 #include <utility>
 
-#include "learner/algorithms/lag_of_ranks.h"
-#include "learner/algorithms/progress.h"
 #include "learner/batch/masked.h"
+#include "learner/checkpoint/progress.h"
 #include "learner/estimators/gae.h"
 #include "learner/losses/ppo_loss.h"
+#include "learner/ranks/lag_of_ranks.h"
 #include "learner/report/part_statistics.h"
 #include "learner/report/terms_report.h"
 #include "learner/step/micro_batches.h"
 #include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/device/operator_path.h"
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 
@@ -63,9 +63,8 @@ class OnPolicy::Input final : public StepInput {
   std::vector<MicroLoss> micro_losses() const override {
     std::vector<MicroLoss> losses;
     for (const RolloutBatch& micro : owner_.micro_batches(rows_))
-      losses.push_back([micro, forward = phase_.forward,
-                        options = PpoOptions::from(owner_.config_)](std::span<const Tensor> counts) {
-        return ppo_loss(forward(input_of(micro)), micro, counts, options);
+      losses.push_back([micro, &owner = owner_, forward = phase_.forward](std::span<const Tensor> counts) {
+        return owner.loss(forward(input_of(micro)), micro, counts);
       });
     return losses;
   }
@@ -84,12 +83,17 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
     : config_(config),
       env_(env),
       device_(device),
-      net_(policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
-                                     RngKey(static_cast<uint64_t>(config.run.seed)).split("network").bits(),
-                                     device)),
+      net_(policy::ActorCritic::create(policy::NetworkOptions::from(config, env),
+                                       RngKey(static_cast<uint64_t>(config.run.seed)).split("network").bits(),
+                                       device)),
       schedule_(config),
       returns_(config.optimisation.returns_clip),
       runner_(config, device) {}
+
+LossTerms OnPolicy::loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
+                         std::span<const Tensor> counts) const {
+  return ppo_loss(output, rows, counts, PpoOptions::from(config_));
+}
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);

@@ -14,11 +14,11 @@
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
-#include "learner/algorithms/lr_schedule.h"
 #include "learner/batch/normalizer.h"
 #include "learner/losses/loss_terms.h"
+#include "learner/schedules/lr_schedule.h"
 #include "learner/step/step_runner.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 
 namespace comrad::learn {
 
@@ -38,7 +38,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// at time-outs, then the returns enter the running statistics and become normalised targets.
   void prepare_targets(RolloutBatch& batch);
 
-  const policy::PolicyNet& net() const { return net_; }
+  const policy::ActorCritic& net() const { return net_; }
   const ReturnNormalizer& return_normalizer() const { return returns_; }
 
  protected:
@@ -60,6 +60,11 @@ class OnPolicy : public OnPolicyAlgorithm {
     Tensor* first_log_prob = nullptr;
   };
   enum class PhaseEnd { kDone, kStopped, kAbandoned };
+
+  /// The loss over a micro-batch: ppo_loss(). Override it to add a term or a metric. `counts`: valid and acting samples of the whole
+  /// minibatch, what means divide by.
+  virtual LossTerms loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
+                         std::span<const Tensor> counts) const;
 
   /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
   /// kBadInput where that was so in too many batches in a row.
@@ -94,7 +99,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   RunConfig config_;
   EnvShape env_;
   torch::Device device_;
-  policy::PolicyNet net_;
+  policy::ActorCritic net_;
   /// With the prefix of their keys in checkpoints; derived classes make them.
   std::vector<std::pair<std::string, AdamOptimizer>> optimizers_;
   LrSchedule schedule_;

@@ -1,13 +1,12 @@
 #include "learner/algorithms/q_learning.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <optional>
 #include <utility>
 
-#include "learner/algorithms/progress.h"
 #include "learner/batch/masked.h"
+#include "learner/checkpoint/progress.h"
 #include "learner/estimators/td_targets.h"
 #include "learner/report/part_statistics.h"
 #include "learner/report/terms_report.h"
@@ -15,8 +14,8 @@
 #include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/readback.h"
-#include "policy_workers/policy/torch_ops.h"
-#include "policy_workers/policy/utilities.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/utilities.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 
@@ -28,13 +27,14 @@ uint64_t seed_of(const RunConfig& config, const char* purpose) {
 }
 
 /// A fresh mixer; equal ones for online and target, since both come from one seed. Null for idqn.
-std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env, const policy::PolicyNet& net) {
+std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env,
+                                const policy::ActorCritic& net) {
   if (!config.run.algo->mixes_q_values()) return nullptr;
   return make_mixer(MixerOptions::from(config, env, net.encoded_count(), net.options().global_state_count),
                     seed_of(config, "mixer"), net.device());
 }
 
-std::vector<Tensor> parameters_of(const policy::PolicyNet& net, const Mixer* mixer) {
+std::vector<Tensor> parameters_of(const policy::ActorCritic& net, const Mixer* mixer) {
   std::vector<Tensor> parameters = net.parameters();
   if (mixer == nullptr) return parameters;
   for (const auto& [name, tensor] : mixer->named_parameters()) parameters.push_back(tensor);
@@ -42,7 +42,7 @@ std::vector<Tensor> parameters_of(const policy::PolicyNet& net, const Mixer* mix
 }
 
 /// Weights and biases of the layers that give Q-values, one pair per tower.
-std::vector<Tensor> heads_of(const policy::PolicyNet& net) {
+std::vector<Tensor> heads_of(const policy::ActorCritic& net) {
   std::vector<Tensor> heads;
   for (const auto& [parameter, tensor] : net.named_parameters())
     if (parameter.ends_with("action_head.weight") || parameter.ends_with("action_head.bias"))
@@ -57,67 +57,28 @@ double reward_rms(const ReplayBatch& batch, RankGroup& ranks) {
   return std::sqrt((square * valid).sum().item<double>() / std::max(1.0, valid.sum().item<double>()));
 }
 
-/// Encoder features [count, R, E] of the observations from step `first` on.
-Tensor encode(const policy::PolicyNet& net, const ReplayBatch& batch, int64_t first, int64_t count) {
-  const auto rows_of = [&](const Tensor& field) {
-    return field.defined() ? field.narrow(0, first, count).flatten(0, 1) : field;
-  };
-  return net.encode(rows_of(batch.frame), rows_of(batch.measurement)).view({count, batch.rows(), -1});
-}
-
-/// `rows` [T, R, ...] of the observations behind the steps, with those of cuts put in: value f of `finals`
-/// goes to (step[f], row[f]).
-Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Tensor& finals) {
-  if (step.numel() == 0) return rows;
-  rows = rows.clone();
-  rows.index_put_({step, row}, finals);
-  return rows;
-}
-
-/// Repeats a batch's last cut until there are 1, 2, 4, 8 ... of them, so that few recordings fit all batches. What is put
-/// twice at a place is the same.
-void round_up_cuts(ReplayBatch& batch) {
-  const int64_t agents = batch.shape.env.num_agents;
-  const auto cuts = static_cast<uint64_t>(batch.final_row.size()) / static_cast<uint64_t>(agents);
-  if (std::has_single_bit(cuts) || cuts == 0) return;
-  Tensor kept = torch::arange(static_cast<int64_t>(std::bit_ceil(cuts)), torch::kInt64);
-  kept.clamp_max_(static_cast<int64_t>(cuts) - 1);
-  const Tensor rows = (kept.unsqueeze(1) * agents + torch::arange(agents, torch::kInt64)).flatten();
-  for (Tensor* field : {&batch.final_frame, &batch.final_measurement})
-    if (field->defined()) *field = field->index_select(0, rows.to(field->device()));
-  if (batch.final_global_state.defined())
-    batch.final_global_state =
-        batch.final_global_state.index_select(0, kept.to(batch.final_global_state.device()));
-  for (std::vector<int64_t>* places : {&batch.final_step, &batch.final_row}) {
-    std::vector<int64_t> more;
-    for (int64_t i = 0; i < rows.numel(); ++i)
-      more.push_back((*places)[static_cast<std::size_t>(rows.data_ptr<int64_t>()[i])]);
-    *places = std::move(more);
-  }
-}
-
 }  // namespace
 
 /// The micro-batches of one batch.
 class QLearning::Input final : public StepInput {
  public:
-  Input(const QLearning& owner, std::vector<Micro> micros) : owner_(owner), micros_(std::move(micros)) {}
+  Input(const QLearning& owner, std::vector<ReplayPart> parts) : owner_(owner), parts_(std::move(parts)) {}
 
   std::vector<MicroLoss> micro_losses() const override {
     std::vector<MicroLoss> losses;
-    for (const Micro& micro : micros_)
+    for (const ReplayPart& part : parts_)
       losses.push_back(
-          [this, &micro](std::span<const Tensor> divisors) { return owner_.loss_of_micro(micro, divisors); });
+          [this, &part](std::span<const Tensor> divisors) { return owner_.loss_of_part(part, divisors); });
     return losses;
   }
-  std::unique_ptr<StepInput> clone() const override { return std::make_unique<Input>(owner_, micros_); }
+  std::unique_ptr<StepInput> clone() const override { return std::make_unique<Input>(owner_, parts_); }
   void visit(const std::function<void(Tensor&)>& visit) override {
-    for (Micro& micro : micros_) visit_fields(micro, visit);
+    for (ReplayPart& part : parts_) part.visit(visit);
   }
 
  private:
   const QLearning& owner_;
-  std::vector<Micro> micros_;
+  std::vector<ReplayPart> parts_;
 };
 
 double epsilon_at(const RunConfig& config, double env_frames) {
@@ -130,8 +91,8 @@ QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device
     : config_(config),
       env_(env),
       device_(device),
-      net_(policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env), seed_of(config, "network"),
-                                     device)),
+      net_(policy::ActorCritic::create(policy::NetworkOptions::from(config, env), seed_of(config, "network"),
+                                       device)),
       target_net_(net_.twin()),
       mixer_(mixer_of(config, env, net_)),
       target_mixer_(mixer_of(config, env, net_)),
@@ -162,10 +123,6 @@ void QLearning::observe(const Tensor& frame, const Tensor& measurement, const Te
       ranks().adder());  // the frames of other ranks are not fetched: their sums are
 }
 
-Tensor QLearning::Scene::mask() const {
-  return batch.has_action_mask ? batch.action_mask.narrow(0, 0, batch.steps()) : Tensor();
-}
-
 Tensor QLearning::next_action(const Scene& scene) const {
   return policy::greedy_action(config_.q_learning.double_dqn ? scene.online.next : scene.target.next,
                                scene.next_mask, env_);
@@ -175,139 +132,12 @@ Tensor QLearning::loss_of_error(const Tensor& error) const {
   return config_.q_learning.use_huber_loss ? huber(error) : error.square();
 }
 
-QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const Micro& micro,
-                                       const Tensor& recurrent_state, bool has_gradient) const {
-  const ReplayBatch& batch = micro.batch;
-  const int64_t steps = batch.steps();
-  const bool has_core = net.options().use_rnn;
-  // A target without a recurrent core has no use for what was decided on.
-  const int64_t first = has_gradient || has_core ? 0 : 1;
-  Tensor encoded;
-  {
-    torch::NoGradGuard no_grad;  // nothing bootstraps with gradient
-    encoded = has_gradient ? encode(net, batch, steps, 1) : encode(net, batch, first, steps + 1 - first);
-  }
-  if (has_gradient) encoded = at::cat({encode(net, batch, 0, steps), encoded});
-  const Tensor reset = batch.reset.narrow(0, first, steps + 1 - first);
-  const Tensor q = net.logits_of(encoded, recurrent_state, reset);
-
-  QValues values;
-  if (first == 0) {
-    values.now = q.narrow(0, 0, steps);
-    values.state = encoded.detach().narrow(0, 0, steps);
-  }
-  torch::NoGradGuard no_grad;
-  values.next = q.detach().narrow(0, 1 - first, steps);
-  values.next_state = encoded.detach().narrow(0, 1 - first, steps);
-  const int64_t final_count = static_cast<int64_t>(batch.final_row.size());
-  if (final_count == 0) return values;
-
-  // The cut episodes once more, each as a column of its own that goes on to its true last observation.
-  const Tensor &row = micro.final_row, &step = micro.final_step;
-  const Tensor column = torch::arange(final_count, row.options());
-  const Tensor final_encoded = net.encode(batch.final_frame, batch.final_measurement);
-  Tensor columns = encoded.detach().index_select(1, row);
-  columns.index_put_({step + 1, column}, final_encoded);
-  Tensor column_reset = reset.index_select(1, row);
-  column_reset.index_put_({step + 1, column}, torch::zeros({}, column_reset.options()));
-  const Tensor final_q =
-      net.logits_of(columns, recurrent_state.index_select(0, row), column_reset).index({step + 1, column});
-  values.next = with_finals(values.next, step, row, final_q);
-  values.next_state = with_finals(values.next_state, step, row, final_encoded);
-  return values;
+std::vector<ReplayPart> QLearning::parts_of(const ReplayBatch& batch) const {
+  return replay_parts(batch, micro_worlds(batch), config_.q_learning.burn_in, runner_.records(), device_);
 }
 
-void QLearning::visit_fields(Micro& micro, const std::function<void(Tensor&)>& visit) {
-  ReplayBatch &batch = micro.batch, &before = micro.before;
-  for (Tensor* field : {&batch.frame,
-                        &batch.measurement,
-                        &batch.action_mask,
-                        &batch.agent_active,
-                        &batch.action,
-                        &batch.reward,
-                        &batch.bootstrap,
-                        &batch.terminated,
-                        &batch.truncated,
-                        &batch.valid,
-                        &batch.reset,
-                        &batch.recurrent_state,
-                        &batch.weight,
-                        &batch.final_frame,
-                        &batch.final_measurement,
-                        &batch.global_state,
-                        &batch.final_global_state,
-                        &micro.final_row,
-                        &micro.final_step,
-                        &before.frame,
-                        &before.measurement,
-                        &before.reset})
-    if (field->defined()) visit(*field);
-}
-
-std::vector<QLearning::Micro> QLearning::micros_of(const ReplayBatch& batch) const {
-  const int64_t worlds = micro_worlds(batch);
-  std::vector<Micro> micros;
-  for (int64_t begin = 0; begin < batch.world_count; begin += worlds) {
-    Micro& micro = micros.emplace_back();
-    micro.batch = narrow_worlds(batch, begin, std::min(worlds, batch.world_count - begin));
-    if (const int64_t count = config_.q_learning.burn_in; count > 0 && batch.steps() > count) {
-      micro.before.shape = micro.batch.shape;
-      micro.before.world_count = micro.batch.world_count;
-      micro.before.frame = micro.batch.frame.narrow(0, 0, count);
-      if (micro.batch.measurement.defined())
-        micro.before.measurement = micro.batch.measurement.narrow(0, 0, count);
-      micro.before.reset = micro.batch.reset.narrow(0, 0, count);
-      micro.batch = steps_from(micro.batch, count, micro.batch.recurrent_state);
-    }
-    if (runner_.records()) round_up_cuts(micro.batch);
-    micro.final_row = torch::tensor(micro.batch.final_row, torch::kInt64);
-    micro.final_step = torch::tensor(micro.batch.final_step, torch::kInt64);
-    visit_fields(micro, [this](Tensor& field) { field = field.to(device_, /*non_blocking=*/true); });
-  }
-  return micros;
-}
-
-QLearning::Scene QLearning::scene_of(const Micro& micro) const {
-  Scene scene;
-  scene.batch = micro.batch;
-  const ReplayBatch& batch = scene.batch;
-  // With a burn-in each network warms up a state of its own.
-  const auto state_of = [&](const policy::PolicyNet& net) {
-    if (!micro.before.frame.defined()) return batch.recurrent_state;
-    torch::NoGradGuard no_grad;
-    return net.state_after(encode(net, micro.before, 0, micro.before.frame.size(0)), batch.recurrent_state,
-                           micro.before.reset);
-  };
-  scene.online = q_values(net_, micro, state_of(net_), true);
-  {
-    torch::NoGradGuard no_grad;
-    scene.target = q_values(target_net_, micro, state_of(target_net_), false);
-  }
-  const int64_t steps = batch.steps();
-  const Tensor &row = micro.final_row, &step = micro.final_step;
-  // The last observation of a cut episode has the masks of the decision before it.
-  const auto behind = [&](const Tensor& field) {
-    return with_finals(field.narrow(0, 1, steps), step, row, field.index({step, row}));
-  };
-  if (batch.has_action_mask) scene.next_mask = behind(batch.action_mask);
-  scene.next_active = behind(batch.agent_active);
-  if (net_.options().global_state_count > 0) {
-    const Tensor normalized = net_.normalized_state(batch.global_state);
-    scene.state = normalized.narrow(0, 0, steps);
-    scene.next_state = normalized.narrow(0, 1, steps);
-    if (!batch.final_row.empty()) {
-      const int64_t agents = batch.shape.env.num_agents;
-      const Tensor first = torch::arange(0, row.numel(), agents, row.options());
-      const Tensor world = row.index_select(0, first).div(agents, "floor");
-      scene.next_state = with_finals(scene.next_state, step.index_select(0, first), world,
-                                     net_.normalized_state(batch.final_global_state));
-    }
-  }
-  return scene;
-}
-
-LossTerms QLearning::loss_of_micro(const Micro& micro, std::span<const Tensor> divisors) const {
-  Scene scene = scene_of(micro);
+LossTerms QLearning::loss_of_part(const ReplayPart& part, std::span<const Tensor> divisors) const {
+  Scene scene = td_scene(net_, target_net_, part);
   scene.sigma = divisors[1];
   const bool has_shares = config_.replay.per_sequences;
   return td_loss(loss_of(scene), sample_valid(scene.batch), scene.online.now,
@@ -357,7 +187,7 @@ StepRequest QLearning::request_for(Input& input, const Totals& totals, const Upd
 }
 
 bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, TermValues& terms) {
-  Input input(*this, micros_of(batch));
+  Input input(*this, parts_of(batch));
   const std::optional<StepOutcome> outcome =
       runner_.gradient_of(request_for(input, totals_of(batch), context));
   if (!outcome) return false;
@@ -381,7 +211,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   if (batch.least_probability > totals.least_probability)  // see the factor f_k in the header
     batch.weight.mul_(std::pow(totals.least_probability / batch.least_probability, batch.weight_exponent));
   // The device is given the whole step before anything is asked of it.
-  Input input(*this, micros_of(batch));
+  Input input(*this, parts_of(batch));
   GivenStep given;
   {
     const device::StepScope nothing_waits;
@@ -420,7 +250,7 @@ void QLearning::rescale_outputs(double before, double after) {
   torch::NoGradGuard no_grad;
   const double factor = before / after;
   const bool are_linear = utilities_have_a_unit();
-  for (const policy::PolicyNet* net : {&net_, &target_net_})
+  for (const policy::ActorCritic* net : {&net_, &target_net_})
     for (Tensor& parameter : are_linear ? heads_of(*net) : std::vector<Tensor>()) parameter.mul_(factor);
   for (Mixer* mixer : {mixer_.get(), target_mixer_.get()})
     if (mixer != nullptr) mixer->rescale(factor);

@@ -32,13 +32,14 @@
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
-#include "learner/algorithms/lr_schedule.h"
-#include "learner/algorithms/q_scale.h"
 #include "learner/critics/mixer.h"
+#include "learner/critics/td_scene.h"
+#include "learner/losses/q_scale.h"
 #include "learner/losses/td_loss.h"
+#include "learner/schedules/lr_schedule.h"
 #include "learner/step/step_runner.h"
 #include "learner/step/target_parameters.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 
 namespace comrad::learn {
 
@@ -70,8 +71,8 @@ class QLearning : public OffPolicyAlgorithm {
   /// their own) from units of `before` to units of `after`: Q-values in natural units stay, to f32 rounding.
   void rescale_outputs(double before, double after);
 
-  const policy::PolicyNet& net() const { return net_; }
-  const policy::PolicyNet& target_net() const { return target_net_; }
+  const policy::ActorCritic& net() const { return net_; }
+  const policy::ActorCritic& target_net() const { return target_net_; }
   const Mixer* mixer() const { return mixer_.get(); }
   /// Of the network, then of the mixer; and those of the targets.
   const std::vector<Tensor>& parameters() const { return optimizer_.parameters(); }
@@ -80,25 +81,7 @@ class QLearning : public OffPolicyAlgorithm {
  protected:
   QLearning(const RunConfig& config, const EnvShape& env, torch::Device device);
 
-  /// What one network says of a batch.
-  struct QValues {
-    Tensor now;         ///< f32 [T, R, A]  of the observations that were decided on; undefined for a target
-                        ///<                without a recurrent core
-    Tensor next;        ///< f32 [T, R, A]  of the true observations behind them; no gradient
-    Tensor state;       ///< f32 [T, R, E]  encoder features of the former; detached; undefined as `now`
-    Tensor next_state;  ///< f32 [T, R, E]  encoder features of the latter; detached
-  };
-  /// A batch on the device, what lies behind its steps, and both networks' words.
-  struct Scene {
-    ReplayBatch batch;
-    Tensor next_mask;    ///< u8 [T, R, A]; undefined when everything was allowed
-    Tensor next_active;  ///< u8 [T, R]
-    Tensor state,
-        next_state;  ///< f32 [T, W, S] the worlds' true states, normalised; undefined where mixers see none
-    QValues online, target;
-    Tensor sigma;         ///< f64 []: q_sigma()
-    Tensor mask() const;  ///< of the observations that were decided on; undefined as above
-  };
+  using Scene = TdScene;
   virtual SampleLoss loss_of(const Scene& scene) const = 0;
   /// u8 [T, S]: samples that count.
   virtual Tensor sample_valid(const ReplayBatch& batch) const = 0;
@@ -112,16 +95,10 @@ class QLearning : public OffPolicyAlgorithm {
   RunConfig config_;
   EnvShape env_;
   torch::Device device_;
-  policy::PolicyNet net_, target_net_;
+  policy::ActorCritic net_, target_net_;
   std::unique_ptr<Mixer> mixer_, target_mixer_;  ///< null: values of agents are not mixed
 
  private:
-  /// Some worlds of a batch, on the device.
-  struct Micro {
-    ReplayBatch batch;   ///< of the steps that are trained
-    ReplayBatch before;  ///< with a burn-in: observations and resets of the steps that warm up the state
-    Tensor final_row, final_step;  ///< i64 [F]: batch.final_row, batch.final_step
-  };
   class Input;
   /// Of a batch of all ranks.
   struct Totals {
@@ -133,13 +110,9 @@ class QLearning : public OffPolicyAlgorithm {
   };
   Totals totals_of(const ReplayBatch& batch);
   StepRequest request_for(Input& input, const Totals& totals, const UpdateContext& context);
-  static void visit_fields(Micro& micro, const std::function<void(Tensor&)>& visit);
   /// The micro-batches of a batch, all on the device before the step begins.
-  std::vector<Micro> micros_of(const ReplayBatch& batch) const;
-  LossTerms loss_of_micro(const Micro& micro, std::span<const Tensor> divisors) const;
-  Scene scene_of(const Micro& micro) const;
-  QValues q_values(const policy::PolicyNet& net, const Micro& micro, const Tensor& recurrent_state,
-                   bool has_gradient) const;
+  std::vector<ReplayPart> parts_of(const ReplayBatch& batch) const;
+  LossTerms loss_of_part(const ReplayPart& part, std::span<const Tensor> divisors) const;
   /// Whether QMIX's mixer gives utilities their unit: then they have none of their own.
   bool utilities_have_a_unit() const { return !mixer_ || mixer_->scales_with_utilities(); }
   void report(const StepOutcome& outcome, UpdateStats& stats) const;

@@ -16,8 +16,7 @@
 
 namespace comrad::learn {
 
-Status Algorithm::learn_with(RankGroup& ranks) {
-  if (ranks.is_alone()) return {};
+Status Algorithm::learn_with(RankGroup&) {
   return Error{ErrorCode::kUnsupported,
                "this algorithm has one learner; train it with --learners 1 (or say in its learn_with() what "
                "several of them add up)"};

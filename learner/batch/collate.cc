@@ -7,7 +7,7 @@
 
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/queue.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/schema/slab_check.h"

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "policy_workers/device/queue.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {

@@ -30,6 +30,8 @@ class StateDict {
   void put(const std::string& key, int64_t integer) { values_[key] = integer; }
   void put(const std::string& key, double number) { values_[key] = number; }
   void put(const std::string& key, std::string text) { values_[key] = std::move(text); }
+  /// All of `other`, whose tensors are shared.
+  void put_all(const StateDict& other) { values_.insert(other.values_.begin(), other.values_.end()); }
 
   bool has(const std::string& key) const { return values_.contains(key); }
   /// Errors: kBadFormat when the key is missing or holds something else.

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {

@@ -3,7 +3,7 @@
 #include "learner/critics/qmix_mixer.h"
 #include "learner/critics/qplex_mixer.h"
 #include "learner/critics/vdn_mixer.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 

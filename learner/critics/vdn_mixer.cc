@@ -1,6 +1,6 @@
 #include "learner/critics/vdn_mixer.h"
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {

@@ -1,7 +1,7 @@
 #include "learner/estimators/gae.h"
 
 #include "learner/estimators/step_rows.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 

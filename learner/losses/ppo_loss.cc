@@ -1,7 +1,7 @@
 #include "learner/losses/ppo_loss.h"
 
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
 
 namespace comrad::learn {
 namespace {

@@ -19,7 +19,7 @@
 
 #include "learner/batch/collate.h"
 #include "learner/losses/loss_terms.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/settings/words.h"

@@ -1,7 +1,7 @@
 #include "learner/losses/td_loss.h"
 
-#include "policy_workers/policy/torch_ops.h"
-#include "policy_workers/policy/utilities.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/utilities.h"
 
 namespace comrad::learn {
 namespace {

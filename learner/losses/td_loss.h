@@ -3,7 +3,7 @@
 //   loss = mean over samples of w huber(Q - y / sigma)  (use_huber_loss off: the squared error)  + mean of the regularizer
 //
 // A sample is an agent's decision (idqn) or a world's (mixers). Q is in the network's unit, of which sigma make a natural one
-// (algorithms/q_scale.h); targets, errors and reports are in natural units. Source: Mnih et al. 2015, Human-level control through
+// (losses/q_scale.h); targets, errors and reports are in natural units. Source: Mnih et al. 2015, Human-level control through
 // deep reinforcement learning; weights w: Schaul et al. 2016, arXiv:1511.05952, section 3.4. Stage: update.
 #pragma once
 

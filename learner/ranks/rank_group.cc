@@ -16,8 +16,9 @@
 #include <exception>
 #include <utility>
 
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/choose_device.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/process.h"

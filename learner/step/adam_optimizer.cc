@@ -7,8 +7,8 @@
 
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/share_out.h"
-#include "policy_workers/policy/kernels.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/kernels/elementwise.h"
 
 namespace comrad::learn {
 namespace {

@@ -8,7 +8,7 @@
 #include "learner/step/gradient_sum.h"
 #include "learner/step/micro_batches.h"
 #include "policy_workers/device/operator_path.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 namespace {

@@ -13,8 +13,9 @@
 #include "learner/worker/learner.h"
 #include "learner/worker/replay_feed.h"
 #include "learner/worker/weights_publisher.h"
+#include "policy_workers/device/choose_device.h"
 #include "policy_workers/device/host_wait_counter.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
@@ -164,7 +165,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   shape.env = env;
   shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.recurrent_state_count =
-      static_cast<int32_t>(policy::PolicyNetOptions::from(config, env).recurrent_state_count());
+      static_cast<int32_t>(policy::NetworkOptions::from(config, env).recurrent_state_count());
   COMRAD_TRY(validate(shape));
   COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config.collection.device));
   nlohmann::ordered_json line;

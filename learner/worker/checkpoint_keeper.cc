@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"

@@ -6,10 +6,12 @@
 #include <utility>
 
 #include "learner/algorithms/q_learning.h"
+#include "learner/checkpoint/architecture.h"
 #include "learner/worker/rank_round.h"
 #include "learner/worker/seat_server.h"
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/choose_device.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
@@ -93,11 +95,13 @@ Status Learner::make_network() {
   } else {
     COMRAD_TRY_ASSIGN(device_, policy::choose_device(config_.collection.device));
   }
+  COMRAD_TRY(policy::check_encoder(config_.network.encoder, arena_.shape().trajectory.env));
+  COMRAD_TRY_ASSIGN(architecture_, architecture_of(config_));
   COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, device_));
   weights_ = std::make_unique<WeightsPublisher>(
       *algorithm_,
       [this](std::span<const std::byte> weights, PolicyVersion version) { publish(weights, version); });
-  COMRAD_TRY(algorithm_->learn_with(ranks_));
+  if (!ranks_.is_alone()) COMRAD_TRY(algorithm_->learn_with(ranks_));
   ranks_.set_watch([this] { return check_others(); });
   spdlog::info("learner: trains on {}{}", device_.str(),
                ranks_.is_alone() ? "" : ", the first of " + std::to_string(ranks_.count()));
@@ -111,7 +115,7 @@ Status Learner::make_network() {
 
 Status Learner::check_arena() const {
   const TrajectoryShape& shape = arena_.shape().trajectory;
-  const int64_t state_count = policy::PolicyNetOptions::from(config_, shape.env).recurrent_state_count();
+  const int64_t state_count = policy::NetworkOptions::from(config_, shape.env).recurrent_state_count();
   if (shape.rollout_steps != config_.collection.rollout || shape.recurrent_state_count != state_count)
     return Error{ErrorCode::kBadInput,
                  "the arena was made for rollout " + std::to_string(shape.rollout_steps) + " and " +
@@ -411,6 +415,7 @@ StateDict Learner::state() const {
   // Every random draw is a function of the seed and of counters above; there is no other generator state.
   state.put("rng/seed", config_.run.seed);
   state.put("config/toml", settings_to_toml(config_));
+  state.put_all(architecture_);
   checkpoints_.append_to(state);
   source_->save(state);
   if (layouts_) layouts_->save(state);

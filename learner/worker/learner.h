@@ -107,6 +107,7 @@ class Learner {
   CheckpointKeeper checkpoints_;
   torch::Device device_ = torch::kCPU;  ///< that trains
   std::unique_ptr<Algorithm> algorithm_;
+  StateDict architecture_;                  // of the checkpoints
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::unique_ptr<BatchSource> source_;     ///< null: it only serves
   std::unique_ptr<WeightsPublisher> weights_;

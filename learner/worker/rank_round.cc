@@ -1,6 +1,6 @@
 #include "learner/worker/rank_round.h"
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/checksum.h"
 
 namespace comrad::learn {

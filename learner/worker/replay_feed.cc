@@ -8,10 +8,10 @@
 #include <cstdio>
 #include <exception>
 
-#include "learner/algorithms/lag_of_ranks.h"
 #include "learner/algorithms/q_learning.h"
+#include "learner/ranks/lag_of_ranks.h"
 #include "learner/worker/stop_signal.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/core/stage_clock.h"

@@ -21,10 +21,10 @@
 #include <thread>
 #include <vector>
 
-#include "learner/algorithms/linear_schedule.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/ranks/rank_group.h"
+#include "learner/schedules/linear_schedule.h"
 #include "rollout_buffer/replay/rate_limiter.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"

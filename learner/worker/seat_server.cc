@@ -11,7 +11,7 @@
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/q_learning.h"
 #include "learner/worker/stop_signal.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/seat_plan.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "policy_workers/batching/recurrent_state_table.h"
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/action_heads.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/rng.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::policy {
@@ -23,7 +23,7 @@ int64_t bucket_of(int64_t worlds) {
   return size;
 }
 
-StagedForward::StagedForward(const PolicyNet& policy, const shm::ArenaShape& shape, int packing_threads)
+StagedForward::StagedForward(const ActorCritic& policy, const shm::ArenaShape& shape, int packing_threads)
     : policy_(policy),
       env_(shape.trajectory.env),
       state_count_(shape.trajectory.recurrent_state_count),

@@ -12,7 +12,7 @@
 #include "policy_workers/batching/batcher.h"
 #include "policy_workers/device/part_pool.h"
 #include "policy_workers/device/queue.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::policy {
@@ -30,7 +30,7 @@ int64_t bucket_of(int64_t worlds);
 class StagedForward {
  public:
   /// `packing_threads` copy frames into pinned memory, the caller's among them.
-  StagedForward(const PolicyNet& policy, const shm::ArenaShape& shape, int packing_threads = 1);
+  StagedForward(const ActorCritic& policy, const shm::ArenaShape& shape, int packing_threads = 1);
 
   /// What policy.step_rows() says of the batch, to rounding. The output is valid until the next call.
   PolicyOutput step(const Batch& batch);
@@ -55,7 +55,7 @@ class StagedForward {
   void bring_up(const Batch& batch);
   void pack(const Batch& batch, Bucket& bucket);
 
-  const PolicyNet policy_;
+  const ActorCritic policy_;
   const EnvShape env_;
   const int64_t state_count_, zero_row_, idle_row_;
   Tensor states_;  ///< f32 [E * N + 2, H] on the device: inputs of the environments' next decisions

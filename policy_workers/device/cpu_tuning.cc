@@ -3,7 +3,7 @@
 #include <dlfcn.h>
 #include <malloc.h>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::device {
 

@@ -7,7 +7,7 @@
 #include <atomic>
 #include <string_view>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::device {
 namespace {

@@ -3,7 +3,7 @@
 #include <dlfcn.h>
 #include <torch/version.h>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #ifdef COMRAD_HAS_CUDA
 #include <cuda_runtime_api.h>
 #endif

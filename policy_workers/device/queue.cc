@@ -3,7 +3,7 @@
 #include <atomic>
 #include <utility>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 
 #ifdef COMRAD_HAS_CUDA

@@ -4,7 +4,7 @@
 
 #include "policy_workers/device/readback.h"
 #include "policy_workers/device/share_out.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::device {

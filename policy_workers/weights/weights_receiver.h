@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -22,7 +22,7 @@ class WeightsReceiver {
   /// Copies newer weights into `policy`. True if it changed; false when there is nothing newer. Never inside
   /// a batch. Errors: kBadFormat when the bytes do not fit the network or their checksum keeps failing; the
   /// network then keeps the weights it had.
-  Expected<bool> refresh(const PolicyNet& policy) {
+  Expected<bool> refresh(const ActorCritic& policy) {
     return refresh([&policy](std::span<const std::byte> bytes) { return policy.read_weights(bytes); });
   }
   /// The same for who reads the bytes otherwise.

@@ -4,9 +4,10 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "policy_workers/device/choose_device.h"
 #include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/device/libtorch_facts.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/log.h"
@@ -37,8 +38,9 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   device::tune_math(static_cast<int>(config.collection.policy_threads));
   COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(policy_device(config, 0)));
-  const policy::PolicyNet net = policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
-                                                          static_cast<uint64_t>(config.run.seed), device);
+  COMRAD_TRY(policy::check_encoder(config.network.encoder, env));
+  const policy::ActorCritic net = policy::ActorCritic::create(policy::NetworkOptions::from(config, env),
+                                                              static_cast<uint64_t>(config.run.seed), device);
   const int64_t envs =
       config.collection.max_batch > 0 ? config.collection.max_batch : config.collection.num_envs_per_worker;
   const int64_t own_rows = envs * env.num_agents;
@@ -84,9 +86,9 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
 /// Prints what the arena must know of the network of these settings; with_libtorch: also which libtorch this is.
 Status describe(const RunConfig& config, const shm::BenchShape& shape, bool with_libtorch) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
-  COMRAD_TRY(policy::check_encoder(config.network.encoder_conv_architecture));
-  const auto options = policy::PolicyNetOptions::from(config, env);
-  const policy::PolicyNet net = policy::PolicyNet::create_for_loading(options, torch::kCPU);
+  COMRAD_TRY(policy::check_encoder(config.network.encoder, env));
+  const auto options = policy::NetworkOptions::from(config, env);
+  const policy::ActorCritic net = policy::ActorCritic::create_for_loading(options, torch::kCPU);
   nlohmann::json report = {{"weights_bytes", net.weights_bytes()},
                            {"parameter_bytes", net.parameter_count() * int64_t{sizeof(float)}},
                            {"recurrent_state_count", options.recurrent_state_count()}};

@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/choose_device.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/host_name.h"
@@ -42,14 +43,14 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                               .exploration = config.q_learning.epsilon_per_head ? Exploration::kPerHead
                                                                                 : Exploration::kAllHeads,
                               .seed = static_cast<uint64_t>(config.run.seed)}));
-  PolicyNet policy;
+  ActorCritic policy;
   std::optional<SeatNetworks> seats;
   if (!options.seats_of.empty()) {
     COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config, options.worker_index)));
     COMRAD_TRY_ASSIGN(seats, SeatNetworks::create(options.seats_of, arena, device));
     batcher.seat(seats->rules());
   } else if (!options.is_random) {
-    const PolicyNetOptions network = PolicyNetOptions::from(config, shape.env);
+    const NetworkOptions network = NetworkOptions::from(config, shape.env);
     if (network.recurrent_state_count() != shape.recurrent_state_count)
       return Error{ErrorCode::kBadInput, "the network has " +
                                              std::to_string(network.recurrent_state_count()) +
@@ -62,7 +63,9 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
           "critic_state is global, but the arena was made without the global state; all processes of "
           "a run must read the same config.toml"};
     COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config, options.worker_index)));
-    policy = PolicyNet::create_for_loading(network, device);
+    COMRAD_TRY(check_encoder(network.encoder, network.env));
+    policy = ActorCritic::create_for_loading(network, device);
+    spdlog::info("policy worker: {}", policy.description());
     if (policy.weights_bytes() > arena.shape().weights_bytes)
       return Error{ErrorCode::kBadInput,
                    "the network's weights need " + std::to_string(policy.weights_bytes()) +
@@ -73,7 +76,7 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
 }
 
 PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus,
-                           PolicyNet policy, std::optional<SeatNetworks> seats, Batcher batcher)
+                           ActorCritic policy, std::optional<SeatNetworks> seats, Batcher batcher)
     : arena_(&arena),
       options_(options),
       bus_(bus),
@@ -197,8 +200,8 @@ namespace {
 /// Random frames and a network that plays them.
 class MadeUpBatch {
  public:
-  MadeUpBatch(const PolicyNet& policy, int64_t rows) : policy_(policy) {
-    const PolicyNetOptions& options = policy.options();
+  MadeUpBatch(const ActorCritic& policy, int64_t rows) : policy_(policy) {
+    const NetworkOptions& options = policy.options();
     const int64_t frame_bytes = options.env.frame_bytes(), worlds = rows / options.env.num_agents;
     torch::manual_seed(0);
     frames_ = torch::randint(0, 256, {rows, frame_bytes}, torch::kUInt8);
@@ -243,7 +246,7 @@ class MadeUpBatch {
   }
 
  private:
-  const PolicyNet& policy_;
+  const ActorCritic& policy_;
   Tensor frames_;
   Batch batch_;
   std::optional<StagedForward> staged_;
@@ -251,7 +254,7 @@ class MadeUpBatch {
 
 }  // namespace
 
-InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds) {
+InferenceBench bench_inference(const ActorCritic& policy, int64_t batch_rows, double seconds) {
   MadeUpBatch batch(policy, batch_rows);
   for (int warm_up = 0; warm_up < 3; ++warm_up) batch.pass();
   const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);

@@ -10,7 +10,7 @@
 
 #include "policy_workers/batching/batcher.h"
 #include "policy_workers/batching/staged_forward.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "policy_workers/weights/weights_receiver.h"
 #include "policy_workers/worker/seat_networks.h"
 #include "rollout_buffer/core/expected.h"
@@ -44,11 +44,11 @@ class PolicyWorker {
   /// Works until `stop`, or RunState::kStopping. Errors: kBadFormat when the learner's weights never fit.
   Status run(const std::atomic<bool>& stop);
 
-  const PolicyNet& policy() const { return policy_; }
+  const ActorCritic& policy() const { return policy_; }
   Batcher& batcher() { return batcher_; }
 
  private:
-  PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus, PolicyNet policy,
+  PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus, ActorCritic policy,
                std::optional<SeatNetworks> seats, Batcher batcher);
   bool needs_weights() const { return seats_ ? seats_->needs_weights() : !options_.is_random; }
   bool is_stopping(const std::atomic<bool>& stop) const;
@@ -60,7 +60,7 @@ class PolicyWorker {
   const shm::Arena* arena_;
   PolicyWorkerOptions options_;
   dds::Bus* bus_;
-  PolicyNet policy_;  // empty when is_random, and where seats play
+  ActorCritic policy_;  // empty when is_random, and where seats play
   std::optional<SeatNetworks> seats_;
   std::unique_ptr<StagedForward> staged_;  // null on a CPU
   Batcher batcher_;
@@ -77,6 +77,6 @@ struct InferenceBench {
   double seconds;
   double cpu_seconds;  ///< processor time of the process meanwhile
 };
-InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds);
+InferenceBench bench_inference(const ActorCritic& policy, int64_t batch_rows, double seconds);
 
 }  // namespace comrad::policy

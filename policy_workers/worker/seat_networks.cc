@@ -3,7 +3,7 @@
 #include <cstring>
 #include <utility>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/settings/layers.h"
 
 namespace comrad::policy {
@@ -16,13 +16,14 @@ Expected<SeatNetworks> SeatNetworks::create(const std::string& run_dir, const sh
   int64_t bytes = 0;
   for (std::size_t index = 0; index < networks.plan_.networks.size(); ++index) {
     COMRAD_TRY_ASSIGN(const RunConfig config, load_run_config(networks.plan_.networks[index].settings));
-    const PolicyNetOptions options = PolicyNetOptions::from(config, shape.env);
+    const NetworkOptions options = NetworkOptions::from(config, shape.env);
     if (options.recurrent_state_count() > shape.recurrent_state_count)
       return Error{ErrorCode::kBadInput, networks.plan_.networks[index].settings + ": the network has " +
                                              std::to_string(options.recurrent_state_count()) +
                                              " floats of recurrent state, the arena was made for " +
                                              std::to_string(shape.recurrent_state_count)};
-    Player player{.net = PolicyNet::create_for_loading(options, device),
+    COMRAD_TRY(check_encoder(options.encoder, options.env));
+    Player player{.net = ActorCritic::create_for_loading(options, device),
                   .agents = networks.plan_.seats_of_network(static_cast<int>(index)),
                   .rule = {}};
     if (config.run.algo->learns_q_values()) {

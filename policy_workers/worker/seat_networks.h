@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "policy_workers/batching/batcher.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/seat_plan.h"
 #include "rollout_buffer/shm/arena.h"
@@ -40,7 +40,7 @@ class SeatNetworks {
 
  private:
   struct Player {
-    PolicyNet net;
+    ActorCritic net;
     std::vector<int> agents;  ///< ascending
     SeatRule rule;
   };

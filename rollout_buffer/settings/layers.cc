@@ -1,12 +1,14 @@
 #include "rollout_buffer/settings/layers.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <optional>
 
 #include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/toml_text.h"
+#include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
@@ -17,16 +19,45 @@ constexpr const char* kAskedFor = "asked_for";
 
 using Values = std::vector<std::pair<std::string, std::string>>;
 
-/// The settings of one table. Errors: kBadFormat naming the line of a value that is none.
+/// A value's text; of a list its items with commas between. Nothing for what is neither.
+std::optional<std::string> value_text(const toml::node& node) {
+  const toml::array* list = node.as_array();
+  if (list == nullptr) return toml_scalar_text(node);
+  std::vector<std::string> items;
+  for (const toml::node& item : *list) {
+    std::optional<std::string> text = toml_scalar_text(item);
+    if (!text) return std::nullopt;
+    items.push_back(*std::move(text));
+  }
+  return items.empty() ? "none" : joined(items);
+}
+
+bool is_subject(std::string_view name) {
+  return std::ranges::any_of(setting_rows(), [name](const SettingRow& row) { return row.subject == name; });
+}
+
+/// The settings of one table, and of the tables in it that have a subject's name ([network]). Errors: kBadFormat naming the
+/// line of a value that is none.
 Expected<Values> values_of(const toml::table& table, const std::string& path) {
   Values values;
   for (const auto& [key, node] : table) {
-    std::optional<std::string> text = toml_scalar_text(node);
+    if (const toml::table* inner = node.as_table(); inner != nullptr && is_subject(key.str())) {
+      COMRAD_TRY_ASSIGN(const Values more, values_of(*inner, path));
+      values.insert(values.end(), more.begin(), more.end());
+      continue;
+    }
+    const SettingRow* row = find_setting(key.str());
+    const bool may_be_a_list = row != nullptr && row->is_text();
+    std::optional<std::string> text = may_be_a_list ? value_text(node) : toml_scalar_text(node);
     if (!text)
       return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +
                                               std::to_string(node.source().begin.column) + ": setting '" +
                                               std::string(key.str()) +
-                                              "' is neither text, a number, true nor false"};
+                                              "' is neither text, a number, true nor false" +
+                                              (may_be_a_list ? ", nor a list of these" : "")};
+    // A run's folder may be moved: what lies in it is named as the file that names it sees it.
+    if (row != nullptr && row->name == "encoder" && is_encoder_file(*text))
+      text = (std::filesystem::path(path).parent_path() / *text).string();
     values.emplace_back(std::string(key.str()), *std::move(text));
   }
   return values;
@@ -41,6 +72,9 @@ void settle_mixer(RunConfig& config) {
   for (const AlgorithmRow* row : algorithm_rows())
     if (mixer == row->mixer_name) config.run.algo = *row;
 }
+
+/// One spelling for an encoder, so that a run's is compared with what is typed.
+void settle_encoder(RunConfig& config) { config.network.encoder = canonical_encoder(config.network.encoder); }
 
 /// Keeps "stag_hunt_arena@reference" and the variant alike: what the layer names counts, the variant first.
 void settle_variant(const RunConfig& before, bool names_variant, RunConfig& config) {
@@ -61,6 +95,7 @@ Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   const RunConfig before = config;
   for (const auto& [key, text] : layer.values) COMRAD_TRY(set(config, layer.origin, key, text));
   settle_mixer(config);
+  settle_encoder(config);
   settle_variant(
       before, std::ranges::count(layer.values, "variant", [](const auto& value) { return value.first; }) > 0,
       config);

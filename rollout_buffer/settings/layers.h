@@ -16,7 +16,9 @@ namespace comrad {
 /// and qplex's. Errors: those of set().
 Status apply_layer(RunConfig& config, const SettingsLayer& layer);
 
-/// Reads a TOML file of settings into a layer. Nested tables are errors, but for [asked_for] of a run's config.toml.
+/// Reads a TOML file of settings into a layer. Settings may stand in a table of their subject ([network]); a list is its items
+/// with commas between; `encoder` names a .pt file relative to the TOML file. Other tables are errors, but for [asked_for] of a
+/// run's config.toml.
 /// Errors: kNotFound, kBadFormat with line and column.
 Expected<SettingsLayer> read_settings_toml(const std::string& path);
 

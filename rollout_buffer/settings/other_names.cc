@@ -3,12 +3,26 @@
 #include <algorithm>
 
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/encoder_layers.h"
 
 namespace comrad {
 namespace {
 
+/// "gru 256" as the settings that it stands for.
+Status assign_core(RunConfig& config, const std::string& origin, std::string_view text) {
+  const Expected<CoreText> core = parse_core(text);
+  if (!core) return Error{core.error().code, origin + ": " + core.error().message};
+  config.network.use_rnn = core->use_rnn;
+  if (!core->use_rnn) return {};
+  config.network.rnn_type = core->is_lstm ? RnnType::kLstm : RnnType::kGru;
+  config.network.rnn_size = core->size;
+  config.network.rnn_num_layers = core->layers;
+  return {};
+}
+
 constexpr OtherName kOtherNames[] = {
     {.name = "value_bootstrap", .is_boolean = true, .setting = "legacy_timeouts"},
+    {.name = "core", .assign = assign_core},
     {.name = "env_framestack",
      .same = "1",
      .instead = "frames are not stacked; agents remember by their recurrent core (--use_rnn, --rnn_type, "
@@ -49,13 +63,12 @@ constexpr OtherName kOtherNames[] = {
      .same = "orthogonal",
      .instead = "weights begin orthogonal (--policy_init_gain)"},
     {.name = "encoder_mlp_layers",
-     .instead = "observations are pictures (--encoder_conv_architecture); measurements join them with "
+     .instead = "observations are pictures (--encoder); measurements join them with "
                 "--use_additional_input"},
     {.name = "encoder_conv_mlp_layers",
      .same = "512",
-     .instead =
-         "the width after the convolutions belongs to --encoder_conv_architecture; layers after the core: "
-         "--decoder_mlp_layers"},
+     .instead = "the width after the convolutions belongs to --encoder; layers after the core: "
+                "--decoder_mlp_layers"},
     {.name = "obs_subtract_mean",
      .same = "0 0.0",
      .instead = "pixels are brought to mean 0 by --normalize_input"},

@@ -1,5 +1,5 @@
-// Names that users of Sample Factory type and that are no setting here, one row each: what COMRAD always does, the setting
-// to use instead, or the one whose opposite it is. Names that mean the same as a setting are its old_names (setting.h).
+// Names that are no setting, one row each. Most are Sample Factory's: what COMRAD always does, the setting to use instead, or
+// the one whose opposite it is; `core` stands for several settings. Names that mean the same as a setting are its old_names (setting.h).
 // Stage: before a run.
 #pragma once
 
@@ -8,16 +8,20 @@
 #include <string_view>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad {
 
-/// One name. Either `setting` names a boolean setting whose opposite it is, or the other members count.
+/// One name. Either `setting` names a boolean setting whose opposite it is, `assign` sets several settings, or the other members
+/// count.
 struct OtherName {
   std::string_view name;
   bool is_boolean = false;        ///< may stand alone on the command line
   std::string_view setting = "";  ///< the boolean setting that is set to the opposite; empty: none
   std::string_view same = "";     ///< values that ask for what is done in any case, separated by blanks
   std::string_view instead = "";  ///< what to use instead, words that follow a colon
+
+  Status (*assign)(RunConfig&, const std::string& origin, std::string_view text) = nullptr;
 
   /// Whether `text` asks for what is done in any case. Errors: kBadInput with `instead`.
   Status accept(const std::string& origin, std::string_view text) const;

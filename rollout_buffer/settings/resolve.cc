@@ -11,6 +11,7 @@
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/counts_with.h"
 #include "rollout_buffer/settings/drawn_batch.h"
+#include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
@@ -91,6 +92,22 @@ Status check_map_combinations(const RunConfig& c) {
   return {};
 }
 
+/// Layers are read; a name that is not in the table may be one of policy_workers/network, which says so when the network is made.
+Status check_encoder(const RunConfig& c) {
+  const std::string& encoder = c.network.encoder;
+  if (is_encoder_file(encoder)) {
+    if (with::a_door.holds(c))
+      return Error{ErrorCode::kBadInput,
+                   "encoder is " + encoder +
+                       " in a run that other hosts join; they do not get the file, so it "
+                       "must be a name or layers"};
+    return {};
+  }
+  if (is_encoder_name(encoder)) return {};
+  COMRAD_TRY(parse_encoder(encoder));
+  return {};
+}
+
 /// Settings that exclude each other.
 Status check_combinations(const RunConfig& c) {
   const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
@@ -106,6 +123,7 @@ Status check_combinations(const RunConfig& c) {
         "; it must be one of vdn, qmix, dmaq, dmaq_qatten with algo qmix or qplex, and left out with algo " +
         name);
   COMRAD_TRY(check_map_combinations(c));
+  COMRAD_TRY(check_encoder(c));
   if (with::a_door.holds(c) && (c.collection.deterministic || !c.collection.async_rl))
     return refuse(std::string(c.hosts.link == LinkKind::kDds ? "link is dds"
                               : c.hosts.serve                ? "serve is on"
@@ -225,7 +243,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
   RunConfig c = config;
   COMRAD_TRY(check_limits(c));
   COMRAD_TRY(check_combinations(c));
-  if (c.collection.device == "gpu") c.collection.device = "cuda";  // as Sample Factory says it
+  if (is_encoder_file(c.network.encoder)) c.network.normalize_input = false;  // a module gets bytes
+  if (c.collection.device == "gpu") c.collection.device = "cuda";             // as Sample Factory says it
   if (c.collection.precision == Precision::kAuto)
     c.collection.precision = c.collection.device.starts_with("cuda") || cpu_multiplies_bf16()
                                  ? Precision::kBf16

@@ -361,6 +361,7 @@ std::string setting_toml(const SettingRow& row, const std::string& text) {
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text) {
   std::string opposite;
   if (const OtherName* other = find_other_name(key)) {
+    if (other->assign != nullptr) return other->assign(config, origin, text);
     if (other->setting.empty()) return other->accept(origin, text);
     bool value = false;
     if (parse(text, value)) text = opposite = to_text(!value);

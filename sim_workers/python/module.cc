@@ -14,6 +14,7 @@
 
 #include <utility>
 
+#include "rollout_buffer/settings/encoder_layers.h"
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/vizdoom_config.h"
@@ -283,6 +284,11 @@ NB_MODULE(_engine, module) {
     return files;
   });
   module.def("list_scenarios", &scenarios::list_scenarios);
+  module.def("encoder_layers", [](const std::string& encoder) {
+    std::vector<std::string> layers;
+    for (const EncoderLayer& layer : must(parse_encoder(encoder))) layers.push_back(layer.text());
+    return layers;
+  });
   module.def("describe", [](const std::string& scenario) {
     const scenarios::ScenarioSpec spec = must(scenarios::load_scenario(scenario));
     nb::dict facts = scenario_facts(spec, spec.default_agents);

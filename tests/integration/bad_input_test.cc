@@ -50,10 +50,9 @@ TEST(BadInput, AWrongValueNamesTheSettingAndItsRange) {
   const Ending range = refused(scratch, {"--rnn_type", "transformer"});
   EXPECT_EQ(range.exit_code, kExitBadInput);
   EXPECT_THAT(range.err, AllOf(HasSubstr("rnn_type"), HasSubstr("gru"), HasSubstr("lstm")));
-  const Ending encoder = refused(scratch, {"--encoder_conv_architecture", "vit"});
+  const Ending encoder = refused(scratch, {"--encoder", "vit"});
   EXPECT_EQ(encoder.exit_code, kExitBadInput);
-  EXPECT_THAT(encoder.err,
-              HasSubstr("error: encoder_conv_architecture is vit; it must be one of convnet_simple"));
+  EXPECT_THAT(encoder.err, HasSubstr("error: encoder is vit; it must be one of simple"));
 }
 
 TEST(BadInput, AnUnknownScenarioOrAlgorithmNamesTheKnownOnes) {

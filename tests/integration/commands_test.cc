@@ -284,7 +284,7 @@ TEST(Config, RefusesWhatTrainRefuses) {
   EXPECT_THAT(refusal({"--gamma", "2"}), HasSubstr("gamma is 2.0"));
   EXPECT_THAT(refusal({"--scenario", "lava_pt"}), HasSubstr("did you mean 'lava_pit'"));
   EXPECT_THAT(refusal({"--config", "/no/such.toml"}), HasSubstr("cannot read /no/such.toml"));
-  EXPECT_THAT(refusal({"--encoder_conv_architecture", "mynet"}), HasSubstr("mynet"));
+  EXPECT_THAT(refusal({"--encoder", "mynet"}), HasSubstr("mynet"));
   const Ending too_short = comrad({"config", "--algo", "vdn", "--train_for_env_frames", "1000"});
   EXPECT_EQ(too_short.exit_code, 2);
   EXPECT_THAT(too_short.err, HasSubstr("learning begins at"));

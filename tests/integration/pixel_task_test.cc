@@ -74,7 +74,7 @@ std::vector<std::string> command(const ScratchFolder& scratch, const std::string
                                                         {"--batch_size", "640"},
                                                         {"--num_epochs", "2"},
                                                         {"--use_rnn", "False"},
-                                                        {"--encoder_conv_architecture", "convnet_impala"},
+                                                        {"--encoder", "impala"},
                                                         {"--learning_rate", "5e-4"},
                                                         {"--gamma", "0.95"},
                                                         {"--exploration_loss", "entropy"},

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::test {
@@ -23,7 +23,7 @@ using PayoffTable = std::vector<std::vector<float>>;
 inline EnvShape matrix_game_shape(const PayoffTable& payoff) {
   EnvShape env;
   env.num_agents = 2;
-  env.height = env.width = 20;  // the smallest that convnet_impala takes
+  env.height = env.width = 20;  // the smallest that the encoder impala takes
   env.head_count = 1;
   env.head_sizes = {static_cast<int32_t>(payoff.size())};
   return env;
@@ -39,7 +39,7 @@ inline RunConfig matrix_game_config(const std::string& algo, uint64_t seed) {
   config.collection.rollout = 4;
   config.network.use_rnn = false;
   config.network.normalize_input = false;
-  config.network.encoder_conv_architecture = "convnet_impala";
+  config.network.encoder = "impala";
   config.network.critic_hidden_sizes = "64,32";
   config.optimisation.learning_rate = 1e-3;
   config.optimisation.num_epochs = 4;
@@ -131,12 +131,17 @@ class MatrixGame {
     batch_.policy_version.fill_(static_cast<int64_t>(learner_.version()));
     batch_.transitions = batch_.steps() * batch_.rows();
     ++updates_;
-    return static_cast<bool>(learner_.update(batch_, {}));
+    const Expected<learn::UpdateStats> stats = learner_.update(batch_, {});
+    if (stats) stats_ = *stats;
+    return stats.has_value();
   }
 
   Learner& learner() { return learner_; }
+  /// Of the last update.
+  const learn::UpdateStats& stats() const { return stats_; }
 
  private:
+  learn::UpdateStats stats_;
   PayoffTable payoff_;
   EnvShape env_;
   Learner learner_;

@@ -10,7 +10,7 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/schema/trajectory.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "tests/support/slab_pool.h"
@@ -37,7 +37,7 @@ inline TrajectoryShape small_shape(const RunConfig& config, int agents) {
   shape.env.head_sizes = {3, 2};
   shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.recurrent_state_count =
-      static_cast<int32_t>(policy::PolicyNetOptions::from(config, shape.env).recurrent_state_count());
+      static_cast<int32_t>(policy::NetworkOptions::from(config, shape.env).recurrent_state_count());
   return shape;
 }
 
@@ -69,7 +69,7 @@ inline bool all_equal(const std::vector<torch::Tensor>& a, const std::vector<tor
 }
 
 /// Takes the gradients of all parameters and leaves zeros.
-inline std::vector<torch::Tensor> gradients(const policy::PolicyNet& net) {
+inline std::vector<torch::Tensor> gradients(const policy::ActorCritic& net) {
   std::vector<torch::Tensor> result;
   for (torch::Tensor& parameter : net.parameters()) {
     result.push_back(parameter.grad().defined() ? parameter.grad().clone() : at::zeros_like(parameter));

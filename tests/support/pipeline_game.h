@@ -18,7 +18,7 @@
 
 #include "learner/worker/learner.h"
 #include "policy_workers/device/cpu_tuning.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/settings/resolve.h"
@@ -29,7 +29,7 @@ namespace comrad::test {
 
 constexpr int kGameEnvironments = 16;
 
-/// Two agents, one head of two choices, the smallest picture that convnet_impala takes.
+/// Two agents, one head of two choices, the smallest picture that the encoder impala takes.
 inline EnvShape pipeline_game_shape() {
   EnvShape env;
   env.num_agents = 2;
@@ -118,7 +118,7 @@ inline RunConfig pipeline_game_config(const std::string& algo) {
   config.collection.num_workers = 1;
   config.collection.num_envs_per_worker = kGameEnvironments;
   config.network.use_rnn = false;
-  config.network.encoder_conv_architecture = "convnet_impala";
+  config.network.encoder = "impala";
   config.network.share_parameters = algo != "happo";
   config.environment.shared_reward_alpha = 0;
   config.replay.replay_gb = 0.01;
@@ -145,7 +145,7 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
   device::tune_math(1);
   const test::ScratchFolder folder;
   const EnvShape env = make()->shape();
-  const auto network = policy::PolicyNetOptions::from(config, env);
+  const auto network = policy::NetworkOptions::from(config, env);
   shm::ArenaShape shape;
   shape.trajectory.env = env;
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
@@ -153,7 +153,7 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
   shape.sim_worker_count = 1;
   shape.envs_per_worker = kGameEnvironments;
   shape.slab_count = static_cast<int32_t>(config.collection.trajectory_slabs);
-  shape.weights_bytes = policy::PolicyNet::create(network, 1, torch::kCPU).weights_bytes();
+  shape.weights_bytes = policy::ActorCritic::create(network, 1, torch::kCPU).weights_bytes();
   Expected<shm::Arena> arena = shm::Arena::create(shape, 1);
   EXPECT_TRUE(arena) << arena.error().message;
   const shm::Arena of_workers = *shm::Arena::adopt(dup(arena->descriptor()));

@@ -5,8 +5,9 @@
 
 #include <cstdlib>
 
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/choose_device.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/actor_critic.h"
 
 namespace comrad::test {
 

@@ -47,8 +47,8 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
         "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace", "python"}},
       {"learner",
-       {"batch", "estimators", "critics", "checkpoint", "ranks", "losses", "step", "report", "algorithms",
-        "curriculum", "worker"}},
+       {"batch", "estimators", "critics", "checkpoint", "ranks", "losses", "schedules", "step", "report",
+        "algorithms", "curriculum", "worker"}},
   };
   return layers;
 }
@@ -80,7 +80,7 @@ const std::vector<Library>& libraries() {
       {"CUDA", "libtorch-dev", {"c10/cuda/", "ATen/cuda/", "cuda"}, {"policy_workers/device/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
       {"CUDA", kOfGpuHosts + "cuda-toolkit[crt,cccl]", {"cuda_runtime_api.h"}, {"policy_workers/device/"}},
-      {"oneDNN", "libdnnl-dev", {"oneapi/dnnl/"}, {"policy_workers/policy/"}},
+      {"oneDNN", "libdnnl-dev", {"oneapi/dnnl/"}, {"policy_workers/kernels/"}},
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
       {"toml++",
        "libtomlplusplus-dev",
@@ -313,10 +313,10 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("learner/batch/collate.cc", "../estimators/gae.h"));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "tests/support/toy_environment.h"));
   EXPECT_FALSE(is_fault("sim_workers/env/doom_env.cc", "scenarios/spec/scenario_spec.h"));
-  EXPECT_FALSE(is_fault("learner/algorithms/ippo.cc", "policy_workers/policy/policy_net.h"));
+  EXPECT_FALSE(is_fault("learner/algorithms/ippo.cc", "policy_workers/network/actor_critic.h"));
   EXPECT_FALSE(is_fault("learner/algorithms/ippo.cc", "torch/torch.h", false));
   EXPECT_TRUE(is_fault("learner/algorithms/ippo.cc", "c10/cuda/CUDAStream.h", false));
-  EXPECT_TRUE(is_fault("policy_workers/policy/policy_net.cc", "cuda_runtime_api.h", false));
+  EXPECT_TRUE(is_fault("policy_workers/network/actor_critic.cc", "cuda_runtime_api.h", false));
   EXPECT_FALSE(is_fault("policy_workers/device/queue.cc", "cuda_runtime_api.h", false));
   EXPECT_FALSE(is_fault("rollout_buffer/shm/arena.h", "rollout_buffer/schema/trajectory.h"));
   EXPECT_FALSE(is_fault("deploy/launch/supervisor.cc", "rollout_buffer/dds/bus.h"));

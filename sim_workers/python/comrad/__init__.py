@@ -6,6 +6,7 @@
     env = comrad.gym_env("basic")                                   # Gymnasium, one player, a ViZDoom .cfg
     envs = comrad.vector_env("coop_puzzle", num_envs=64)            # batched arrays, threads
     policy = comrad.load_policy("train_dir/RUN")                    # a torch.nn.Module of a trained policy
+    comrad.export_encoder(module, "encoder.pt")                     # an encoder of your own, for comrad train --encoder encoder.pt
     run = comrad.Run("train_dir/RUN")                               # settings, metrics, checkpoints
 
 `scenarios()` names the scenarios, `describe(name)` says what one is. Errors of arguments and files are ValueError and
@@ -67,6 +68,7 @@ __all__ = [
     "describe",
     "draw_map",
     "env",
+    "export_encoder",
     "gym_env",
     "load_episode",
     "load_policy",
@@ -133,6 +135,14 @@ def save_policy(policies: "nn.Module | list[nn.Module]", like: str | os.PathLike
     from . import policy
 
     policy.save_policy(policies, like, path)
+
+
+def export_encoder(module: "nn.Module", path: str | os.PathLike, measurement_count: int = 0) -> int:
+    """A pixel encoder of your own as a file for `comrad train --encoder FILE.pt`; see comrad.encoder.export_encoder."""
+    _need_torch()
+    from . import encoder
+
+    return encoder.export_encoder(module, path, measurement_count)
 
 
 def _register() -> None:

@@ -11,14 +11,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-# Output channels, kernel, stride of each convolution; no padding.
-CONVOLUTIONS = {
-    "convnet_simple": ((32, 8, 4), (64, 4, 2), (128, 3, 2)),
-    "convnet_impala": ((16, 8, 4), (32, 4, 2)),
-    "convnet_atari": ((32, 8, 4), (64, 4, 2), (64, 3, 1)),
-}
-RESNET = "resnet_impala"
-NETWORK = "network"  # the section of a checkpoint
+from ._engine import encoder_layers
+from .encoder import Encoder, buffers_of, linear_of, read_module
+
+NETWORK, ARCHITECTURE = "network", "architecture"  # sections of a checkpoint
+MODULE = "module"  # what ARCHITECTURE calls an encoder that export_encoder wrote
 
 
 def newest_checkpoint(run: pathlib.Path) -> pathlib.Path:
@@ -46,55 +43,21 @@ class Normalizer(nn.Module):
         return ((whole - self.mean) / (self.var + 1e-5).sqrt()).clamp(-5.0, 5.0).float().view_as(x)
 
 
-class Encoder(nn.Module):
-    """Picture u8 [B, 3, 72, 128] and, where there is one, measurement f32 [B, M] to features [B, 512 (+ 128)]."""
-
-    is_resnet: Final[bool]
-    has_measurement: Final[bool]
-
-    def __init__(self, settings: dict[str, Any], shapes: dict[str, torch.Size]) -> None:
-        super().__init__()
-        kind: str = settings["encoder_conv_architecture"]
-        if kind != RESNET and kind not in CONVOLUTIONS:
-            raise ValueError(f"encoder {kind}: {', '.join([*CONVOLUTIONS, RESNET])} are known")
-        self.is_resnet = kind == RESNET
-        index = 1
-        while f"encoder.conv{index}.weight" in shapes:
-            out, channels, kernel, _ = shapes[f"encoder.conv{index}.weight"]
-            stride, padding = (1, 1) if self.is_resnet else (CONVOLUTIONS[kind][index - 1][2], 0)
-            self.add_module(f"conv{index}", nn.Conv2d(channels, out, kernel, stride, padding))
-            index += 1
-        self.image = _linear(shapes, "encoder.image")
-        self.has_measurement = "encoder.measurement1.weight" in shapes
-        if self.has_measurement:
-            self.measurement1 = _linear(shapes, "encoder.measurement1")
-            self.measurement2 = _linear(shapes, "encoder.measurement2")
-
-    def forward(self, x: Tensor, measurement: Tensor | None) -> Tensor:
-        index, carried = 0, x
-        for name, layer in self.named_children():  # as a loop that TorchScript can unroll
-            if name.startswith("conv"):
-                place = index % 5  # a stage of the ResNet is a convolution and two residual blocks of two
-                if not self.is_resnet:
-                    x = F.elu(layer(x))
-                elif place == 0:
-                    x = F.max_pool2d(layer(x), 3, 2, 1)
-                elif place % 2 == 1:
-                    carried = layer(F.elu(x))
-                else:
-                    x = x + layer(F.elu(carried))
-                index += 1
-        features = F.elu(self.image((F.elu(x) if self.is_resnet else x).flatten(1)))
-        if not self.has_measurement:
-            return features
-        if measurement is None:
-            raise ValueError("this network reads measurements; pass them")
-        return torch.cat((features, F.elu(self.measurement2(F.elu(self.measurement1(measurement))))), 1)
+def _make_encoder(settings: dict[str, Any], architecture: dict[str, Any], shapes: dict[str, torch.Size]) -> nn.Module:
+    """By a checkpoint's section "architecture"; by the settings of a checkpoint that is older than the section."""
+    encoder: str = architecture.get("encoder") or settings.get("encoder") or settings.get("encoder_conv_architecture") or ""
+    if encoder == MODULE:
+        return _module_of(architecture)
+    if encoder.endswith(".pt"):
+        raise ValueError(f'the encoder is {encoder}, but the checkpoint has no section "architecture" with that module; pass module=')
+    return Encoder(encoder_layers(encoder), shapes)
 
 
-def _linear(shapes: dict[str, torch.Size], name: str) -> nn.Linear:
-    outputs, inputs = shapes[name + ".weight"]
-    return nn.Linear(inputs, outputs)
+def _module_of(architecture: dict[str, Any]) -> torch.jit.ScriptModule:
+    try:
+        return read_module(architecture["encoder_module"].numpy().tobytes())
+    except (KeyError, RuntimeError) as error:
+        raise ValueError(f"the encoder module in the checkpoint cannot be read: {error}") from error
 
 
 class Policy(nn.Module):
@@ -110,20 +73,33 @@ class Policy(nn.Module):
     belong to each. The state is [layers, B, rnn_size] (LSTM: [2 layers, B, rnn_size], hidden states before cells); without a recurrent
     core it comes back as it is.
 
+    policy.encoder is an Encoder, or the TorchScript module of `comrad train --encoder FILE.pt`, which gets the frames' bytes and, where
+    measurements are None, [B, 0].
+
     torch.jit.script(policy) works, and so does torch.onnx.export(policy, (frames, measurements, state), FILE, dynamo=True); state there
-    is policy.first_state(B), as None is no input of a graph. Both hold forward().
+    is policy.first_state(B), as None is no input of a graph. Both hold forward(). The ONNX exporter refuses TorchScript inside a module:
+    put your class in the place of such an encoder first (own.load_state_dict(policy.encoder.state_dict()); policy.encoder = own).
     """
 
     is_lstm: Final[bool]
+    has_module: Final[bool]
     id_count: Final[int]
     agent: Final[int]
 
-    def __init__(self, settings: dict[str, Any], tensors: dict[str, Tensor], agent: int = 0, head_sizes: list[int] | None = None) -> None:
+    def __init__(
+        self,
+        settings: dict[str, Any],
+        tensors: dict[str, Tensor],
+        agent: int = 0,
+        head_sizes: list[int] | None = None,
+        architecture: dict[str, Any] | None = None,
+    ) -> None:
         super().__init__()
         self.settings, self.agent, self.head_sizes = settings, agent, head_sizes
         self.is_lstm = bool(settings["use_rnn"]) and settings["rnn_type"] == "lstm"
         shapes = {name: tensor.shape for name, tensor in tensors.items()}
-        self.encoder = Encoder(settings, shapes)
+        self.encoder = _make_encoder(settings, architecture or {}, shapes)
+        self.has_module = not isinstance(self.encoder, Encoder)
         self.normalizer = nn.ModuleDict()
         for name in ("frame", "measurement"):
             if f"normalizer.{name}.mean" in shapes:
@@ -134,15 +110,17 @@ class Policy(nn.Module):
             self.core = kind(shapes["core.weight_ih_l0"][1], settings["rnn_size"], settings["rnn_num_layers"])
         layers: list[nn.Linear] = []
         while f"decoder.{len(layers)}.weight" in shapes:
-            layers.append(_linear(shapes, f"decoder.{len(layers)}"))
+            layers.append(linear_of(shapes, f"decoder.{len(layers)}"))
         self.decoder = nn.ModuleList(layers)
-        self.action_head = _linear(shapes, "action_head")
+        self.action_head = linear_of(shapes, "action_head")
         if "value_head.weight" in shapes:
-            self.value_head = _linear(shapes, "value_head")
-        features = self.encoder.image.out_features + (self.encoder.measurement2.out_features if self.encoder.has_measurement else 0)
-        first = self.core.input_size if self.core is not None else (layers[0] if layers else self.action_head).in_features
-        self.id_count = first - features  # agents that the network tells apart by their number; 0: it does not
-        self.load_state_dict({name: tensor for name, tensor in tensors.items()})
+            self.value_head = linear_of(shapes, "value_head")
+        # Agents that the network tells apart by their number; 0: it does not.
+        self.id_count = int(settings["num_agents"]) if settings.get("agent_id_input") else 0
+        try:
+            self.load_state_dict({**buffers_of(self.encoder), **tensors})
+        except RuntimeError as error:
+            raise ValueError(f"the checkpoint's tensors are not those of its encoder and settings: {error}") from error
 
     def first_state(self, rows: int) -> Tensor:
         """The state at an episode's first step, zeros; of a policy without a recurrent core [0, rows, 0]."""
@@ -154,13 +132,16 @@ class Policy(nn.Module):
     def features(self, frame: Tensor, measurement: Tensor | None, state: Tensor | None) -> tuple[Tensor, Tensor | None]:
         if frame.dtype != torch.uint8 or frame.dim() != 4 or frame.shape[1] != 3:
             raise ValueError(f"frames are {frame.dtype} {frame.shape}; uint8 [B, 3, height, width] are wanted")
-        x = frame.float() / 255.0
-        for name, normalizer in self.normalizer.items():
-            if name == "frame":
-                x = normalizer(x)
-            elif measurement is not None:
-                measurement = normalizer(measurement)
-        x = self.encoder(x, measurement)
+        if self.has_module:
+            x = self.encoder(frame, torch.zeros(frame.shape[0], 0, device=frame.device) if measurement is None else measurement)
+        else:
+            x = frame.float() / 255.0
+            for name, normalizer in self.normalizer.items():
+                if name == "frame":
+                    x = normalizer(x)
+                elif measurement is not None:
+                    measurement = normalizer(measurement)
+            x = self.encoder(x, measurement)
         if self.id_count > 0:
             own = torch.zeros(self.id_count, device=x.device)
             own[self.agent] = 1.0
@@ -230,7 +211,13 @@ def load_policy(path: str | os.PathLike, agent: int = 0, module: nn.Module | Non
         raise ValueError(f"agent {agent}: the team has {settings['num_agents']}, counted from 0")
     tensors = _of_agent(checkpoint[NETWORK], agent)
     if module is None:
-        return Policy(settings, tensors, agent, _head_sizes(settings)).eval()
+        try:
+            return Policy(settings, tensors, agent, _head_sizes(settings), checkpoint.get(ARCHITECTURE)).eval()
+        except ValueError as error:
+            raise ValueError(f"{os.fspath(path)}: {error}") from error
+    architecture = checkpoint.get(ARCHITECTURE, {})
+    if architecture.get("encoder") == MODULE:
+        tensors = {**buffers_of(_module_of(architecture)), **tensors}
     for name, tensor in module.state_dict().items():
         _check_tensor(tensors, name, tensor, path)
     module.load_state_dict({name: tensors[name] for name in module.state_dict()})
@@ -270,11 +257,19 @@ def save_policy(policies: nn.Module | list[nn.Module], like: str | os.PathLike, 
     (RUN/checkpoint/NAME.pt), whose config.toml says what is played. Raises ValueError for a missing or unknown tensor or shape."""
     checkpoint = read_checkpoint(like)
     network = dict(checkpoint[NETWORK])
+    architecture = checkpoint.get(ARCHITECTURE, {})
+    buffers = buffers_of(_module_of(architecture)) if architecture.get("encoder") == MODULE else {}
     for index, policy in enumerate([policies] if isinstance(policies, nn.Module) else policies):
         agent = policy.agent if isinstance(policy, Policy) else index
         own = f"agent{agent}."
         prefix = own if any(name.startswith(own) for name in network) else ""
         tensors, wanted = policy.state_dict(), _of_agent(network, agent)
+        for name in (buffers.keys() & tensors.keys()) - wanted.keys():
+            if not torch.equal(tensors.pop(name).cpu(), buffers[name]):
+                raise ValueError(
+                    f"the buffer {name} has changed, but a checkpoint keeps an encoder module's file as it was, with its buffers; "
+                    "restore the buffer, or make it a parameter and export the encoder again"
+                )
         for name, tensor in tensors.items():
             _check_tensor(wanted, name, tensor, like)
             # HAPPO's agents share the statistics of their inputs.

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <vector>
 
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/arena.h"
 #include "tests/support/patience.h"
@@ -15,8 +15,8 @@
 namespace comrad::policy {
 
 /// 2 agents, 40 x 44 frames, heads (3, 2), a small core.
-inline PolicyNetOptions small_network(const std::string& core = "gru") {
-  PolicyNetOptions options;
+inline NetworkOptions small_network(const std::string& core = "gru") {
+  NetworkOptions options;
   options.env.num_agents = 2;
   options.env.height = 40;
   options.env.width = 44;
@@ -34,7 +34,7 @@ struct ArenaOptions {
   int rollout_steps = 4, recurrent_snapshots = 1;
 };
 
-inline shm::Arena make_arena(const PolicyNetOptions& network, const ArenaOptions& options,
+inline shm::Arena make_arena(const NetworkOptions& network, const ArenaOptions& options,
                              int64_t weights_bytes = 0) {
   shm::ArenaShape shape;
   shape.trajectory.env = network.env;

@@ -89,7 +89,7 @@ constexpr Row kPaper[] = {
     {"adam_beta2", "0.999"},
     {"max_grad_norm", "4"},
     // 3.2 model; 3.1 RNN; 2.3: HAPPO has networks of its own per agent; 7 item 22: values are not tied to positions
-    {"encoder_conv_architecture", "convnet_simple"},
+    {"encoder", "simple"},
     {"use_rnn", "true true true false true true true true"},
     {"rnn_type", "lstm lstm gru gru gru gru gru gru"},
     {"rnn_size", "512"},

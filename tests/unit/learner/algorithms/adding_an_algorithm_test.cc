@@ -1,4 +1,5 @@
-// The README's "Adding an algorithm", done: a row for the settings, a learner for the registry, and a game that it learns.
+// The README's "Adding an algorithm", done: a row for the settings, a learner for the registry, and a game that it learns; a loss
+// term and a metric of a line each.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -80,6 +81,45 @@ TEST_F(AddingAnAlgorithm, ARowWithoutALearnerIsRefused) {
   const auto made = make_algorithm(config, EnvShape{}, torch::kCPU);
   ASSERT_FALSE(made);
   EXPECT_NE(made.error().message.find("only_a_row"), std::string::npos);
+}
+
+/// IPPO that keeps logits small.
+class CalmIppo final : public Ippo {
+ public:
+  CalmIppo(const RunConfig& config, const EnvShape& env, torch::Device device, double coeff = 1)
+      : Ippo(config, env, device), coeff_(coeff) {}
+
+ protected:
+  LossTerms loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
+                 std::span<const Tensor> counts) const override {
+    LossTerms terms = Ippo::loss(output, rows, counts);
+    const Tensor weight = rows.acting().to(torch::kFloat32) / counts[1],
+                 square = output.logits.square().sum(-1);
+    terms.add("logit_penalty", coeff_ * (square * weight).sum());
+    terms.mean("logit_square", square.detach(), weight);
+    return terms;
+  }
+
+ private:
+  double coeff_;
+};
+
+TEST(AddingALossTerm, OneLineIsLearnedAndAnotherReported) {
+  const RunConfig config = test::matrix_game_config("ippo", 1);
+  test::MatrixGame<CalmIppo> game(config, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, 32);
+  game.bias_to(2, 0.9);
+  const auto number = [&game](const std::string& name) {
+    for (const auto& [key, value] : game.stats().values)
+      if (key == name) return value;
+    ADD_FAILURE() << name << " is not reported";
+    return 0.0;
+  };
+  ASSERT_TRUE(game.update());
+  const double before = number("train/logit_square");
+  EXPECT_GT(before, 1);
+  EXPECT_NEAR(number("train/logit_penalty"), before, 1e-4 * before) << "its coefficient is 1";
+  for (int update = 0; update < 40; ++update) ASSERT_TRUE(game.update());
+  EXPECT_LT(number("train/logit_square"), 0.5 * before);
 }
 
 }  // namespace adding_an_algorithm_test

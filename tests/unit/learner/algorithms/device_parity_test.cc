@@ -14,8 +14,8 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "policy_workers/device/operator_path.h"
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/actor_critic.h"
 #include "tests/support/noise_batch.h"
 #include "tests/support/test_device.h"
 
@@ -48,8 +48,8 @@ struct Outcome {
 
 Tensor first_logits(const RunConfig& config, const EnvShape& env, torch::Device device, const Tensor& frame,
                     const Tensor& recurrent_state) {
-  const policy::PolicyNet net =
-      policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env), 1, device);
+  const policy::ActorCritic net =
+      policy::ActorCritic::create(policy::NetworkOptions::from(config, env), 1, device);
   return net.step(frame.to(device), {}, recurrent_state.to(device)).logits.to(torch::kCPU);
 }
 

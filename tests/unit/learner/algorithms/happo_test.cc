@@ -8,7 +8,7 @@
 
 #include "learner/algorithms/ippo.h"
 #include "learner/losses/ppo_loss.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/noise_batch.h"
 
 namespace comrad::learn {
@@ -269,9 +269,9 @@ TEST(Happo, EveryVersionChangesExactlyOneNetwork) {
   config.network.normalize_input = true;
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
-  const policy::PolicyNet worker =
-      policy::PolicyNet::create(policy::PolicyNetOptions::from(config, shape.env), 9, torch::kCPU);
-  const auto networks_of = [&](const policy::PolicyNet& net) {
+  const policy::ActorCritic worker =
+      policy::ActorCritic::create(policy::NetworkOptions::from(config, shape.env), 9, torch::kCPU);
+  const auto networks_of = [&](const policy::ActorCritic& net) {
     std::vector<std::vector<Tensor>> networks;
     for (int64_t agent = 0; agent < 3; ++agent) networks.push_back(copies(net.actor_parameters(agent)));
     networks.push_back(copies(net.joint_critic_parameters()));

@@ -7,7 +7,7 @@
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/ippo.h"
 #include "policy_workers/device/readback.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/replay/replay.h"
 #include "tests/support/noise_batch.h"
 #include "tests/support/slab_pool.h"

@@ -8,8 +8,8 @@
 #include <map>
 #include <vector>
 
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
 #include "rollout_buffer/core/rng.h"
 #include "tests/support/noise_batch.h"
 #include "tests/support/slab_pool.h"
@@ -30,7 +30,7 @@ RunConfig small_config() { return test::small_config("ippo", kAgents); }
 TrajectoryShape small_shape(const RunConfig& config) { return test::small_shape(config, kAgents); }
 
 /// Makes the network itself the behaviour policy of the batch.
-void act_with(const policy::PolicyNet& net, RolloutBatch& batch) {
+void act_with(const policy::ActorCritic& net, RolloutBatch& batch) {
   torch::NoGradGuard no_grad;
   apply_lag_filter(batch, 0, 1000);
   const policy::SequenceOutput output =

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
 #include "tests/support/noise_batch.h"
 
 namespace comrad::learn {

@@ -85,7 +85,7 @@ struct Stepped {
   std::vector<Tensor> next;  ///< [T] of [R, A]: of the true observation behind the step
 };
 
-Stepped step_through(const policy::PolicyNet& net, const ReplayBatch& batch) {
+Stepped step_through(const policy::ActorCritic& net, const ReplayBatch& batch) {
   Stepped stepped;
   Tensor state = batch.recurrent_state;
   std::vector<Tensor> states;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "policy_workers/device/operator_path.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/slab_pool.h"
 #include "tests/support/test_device.h"
 

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 namespace normalizer_test {

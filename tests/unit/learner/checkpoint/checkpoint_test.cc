@@ -9,7 +9,7 @@
 #include <limits>
 #include <string>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/same_value.h"
 #include "tests/support/scratch_folder.h"
 

@@ -9,9 +9,10 @@
 #include <variant>
 #include <vector>
 
+#include "learner/checkpoint/architecture.h"
 #include "learner/checkpoint/checkpoint.h"
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "tests/support/scratch_folder.h"
@@ -39,7 +40,7 @@ struct Variant {
 StateDict checkpoint_with_answers(const Variant& variant) {
   RunConfig config;
   config.run.algo = variant.algo;
-  config.network.encoder_conv_architecture = variant.encoder;
+  config.network.encoder = variant.encoder;
   config.network.use_rnn = variant.use_rnn;
   config.network.rnn_type = variant.rnn_type;
   config.network.rnn_size = 24;
@@ -53,8 +54,8 @@ StateDict checkpoint_with_answers(const Variant& variant) {
   env.head_sizes = {3, 2, 4};
   env.measurement_count = static_cast<int32_t>(variant.measurements);
   config.environment.num_agents = env.num_agents;
-  const auto options = policy::PolicyNetOptions::from(config, env);
-  const policy::PolicyNet net = policy::PolicyNet::create(options, 7, torch::kCPU);
+  const auto options = policy::NetworkOptions::from(config, env);
+  const policy::ActorCritic net = policy::ActorCritic::create(options, 7, torch::kCPU);
 
   const int64_t rows = kWorlds * env.num_agents;
   const torch::Tensor frame =
@@ -67,6 +68,7 @@ StateDict checkpoint_with_answers(const Variant& variant) {
   StateDict state;
   for (const auto& [name, tensor] : net.named_state()) state.put("network/" + name, tensor);
   state.put("config/toml", settings_to_toml(config));
+  state.put_all(architecture_of(config).value());
   state.put("expected/frame", frame);
   if (measurement.defined()) state.put("expected/measurement", measurement);
   torch::Tensor recurrent = torch::zeros({rows, options.recurrent_state_count()});
@@ -105,14 +107,16 @@ void expect_changed_biases(const StateDict& state, const StateDict& written) {
 }
 
 constexpr Variant kVariants[] = {
-    {"shared_gru", "ippo", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 3},
-    {"feed_forward_with_agent_id", "ippo", "convnet_impala", false, RnnType::kGru, 1, "none", true, true, 0},
-    {"two_lstm_layers_and_a_decoder", "mappo", "convnet_atari", true, RnnType::kLstm, 2, "32,16", true, false,
-     0},
-    {"agents_with_networks_of_their_own", "happo", "convnet_simple", true, RnnType::kGru, 1, "none", false,
-     true, 3},
-    {"q_values", "qmix", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 0},
-    {"resnet_impala", "ippo", "resnet_impala", true, RnnType::kGru, 1, "none", false, true, 0}};
+    {"shared_gru", "ippo", "simple", true, RnnType::kGru, 1, "none", false, true, 3},
+    {"feed_forward_with_agent_id", "ippo", "impala", false, RnnType::kGru, 1, "none", true, true, 0},
+    {"two_lstm_layers_and_a_decoder", "mappo", "atari", true, RnnType::kLstm, 2, "32,16", true, false, 0},
+    {"agents_with_networks_of_their_own", "happo", "simple", true, RnnType::kGru, 1, "none", false, true, 3},
+    {"q_values", "qmix", "simple", true, RnnType::kGru, 1, "none", false, true, 0},
+    {"resnet", "ippo", "resnet", true, RnnType::kGru, 1, "none", false, true, 0},
+    {"layers", "ippo",
+     "conv 8 8x8/4 relu, layernorm, pool 3x3/2 pad 1, residual, flatten, linear 40 gelu, layernorm, linear "
+     "24 none, tanh",
+     true, RnnType::kGru, 1, "none", false, true, 3}};
 
 TEST(LoadPolicy, GivesTheNetworksLogitsAndGoesBack) {
   std::error_code ignored;  // this test lies in <build>/tests

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "learner/checkpoint/checkpoint.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/test_python.h"
 

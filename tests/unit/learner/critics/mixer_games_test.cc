@@ -21,9 +21,9 @@
 #include "learner/critics/mixer.h"
 #include "learner/estimators/td_targets.h"
 #include "policy_workers/device/cpu_tuning.h"
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
-#include "policy_workers/policy/utilities.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
+#include "policy_workers/network/utilities.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/recipes.h"
 

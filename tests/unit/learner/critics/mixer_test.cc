@@ -8,7 +8,7 @@
 
 #include "learner/critics/qmix_mixer.h"
 #include "learner/critics/qplex_mixer.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/recipes.h"

@@ -7,9 +7,9 @@
 #include <limits>
 #include <vector>
 
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
-#include "policy_workers/policy/utilities.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
+#include "policy_workers/network/utilities.h"
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {

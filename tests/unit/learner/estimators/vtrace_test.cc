@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {

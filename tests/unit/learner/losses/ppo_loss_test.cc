@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/action_heads.h"
 
 namespace comrad::learn {
 namespace ppo_loss_test {

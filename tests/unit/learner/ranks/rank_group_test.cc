@@ -19,7 +19,7 @@
 #include "learner/algorithms/mappo.h"
 #include "learner/algorithms/value_decomposition.h"
 #include "learner/worker/layout_service.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/in_ranks.h"
 #include "tests/support/noise_batch.h"
 #include "tests/support/patience.h"
@@ -474,8 +474,6 @@ class LearnsAlone : public ValueDecomposition {
 TEST(TwoLearners, AreRefusedWhereAnAlgorithmLearnsAlone) {
   RunConfig config = test::small_config("vdn", 2);
   config.mixers.mixer = "vdn";
-  RankGroup alone;
-  EXPECT_TRUE(LearnsAlone(config).learn_with(alone));
   in_ranks(2, [&](RankGroup& ranks) {
     const Status refused = LearnsAlone(config).learn_with(ranks);
     ASSERT_FALSE(refused);

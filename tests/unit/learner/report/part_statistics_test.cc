@@ -6,7 +6,7 @@
 #include <map>
 
 #include "learner/algorithms/q_learning.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/noise_batch.h"
 
 namespace comrad::learn {

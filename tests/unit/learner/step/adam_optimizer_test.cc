@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "policy_workers/device/cpu_tuning.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 namespace adam_optimizer_test {

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "policy_workers/device/operator_path.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 namespace gradient_sum_test {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 namespace micro_batches_test {

@@ -23,8 +23,8 @@
 #include <vector>
 
 #include "learner/worker/batch_queue.h"
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/futex.h"
@@ -59,14 +59,14 @@ shm::ArenaShape arena_shape(const RunConfig& config) {
   env.height = env.width = 36;
   env.head_count = 1;
   env.head_sizes = {3};
-  const policy::PolicyNetOptions options = policy::PolicyNetOptions::from(config, env);
+  const policy::NetworkOptions options = policy::NetworkOptions::from(config, env);
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.trajectory.recurrent_state_count = static_cast<int32_t>(options.recurrent_state_count());
   shape.sim_worker_count = 1;
   shape.envs_per_worker = static_cast<int32_t>(config.collection.num_envs_per_worker);
   shape.slab_count = 16;
   shape.journal_steps = 64;
-  shape.weights_bytes = policy::PolicyNet::create(options, 1, torch::kCPU).weights_bytes();
+  shape.weights_bytes = policy::ActorCritic::create(options, 1, torch::kCPU).weights_bytes();
   return shape;
 }
 

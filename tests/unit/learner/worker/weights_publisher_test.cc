@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "policy_workers/device/readback.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
 namespace weights_publisher_test {

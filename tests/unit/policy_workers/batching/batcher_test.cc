@@ -13,7 +13,7 @@
 #include <thread>
 #include <tuple>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
@@ -31,10 +31,10 @@ Batcher make_batcher(const shm::Arena& arena, BatcherOptions options = {},
   return std::move(batcher).value();
 }
 
-PolicyNet make_net(const PolicyNetOptions& options) { return PolicyNet::create(options, 3, torch::kCPU); }
+ActorCritic make_net(const NetworkOptions& options) { return ActorCritic::create(options, 3, torch::kCPU); }
 
 /// gather > forward > scatter. Returns how many requests were answered.
-size_t answer_once(Batcher& batcher, const PolicyNet& net, PolicyVersion version = 9,
+size_t answer_once(Batcher& batcher, const ActorCritic& net, PolicyVersion version = 9,
                    int64_t timeout_us = 0) {
   const Batch& batch = batcher.gather(timeout_us);
   if (!batch.is_empty())
@@ -66,9 +66,9 @@ Answer answer_of(const shm::Arena& arena, const FakeEnv& env, int env_index, int
 }
 
 TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
-  const PolicyNetOptions options = small_network("lstm");
+  const NetworkOptions options = small_network("lstm");
   const shm::Arena arena = make_arena(options, {});
-  const PolicyNet net = make_net(options);
+  const ActorCritic net = make_net(options);
   Batcher batcher = make_batcher(arena);
   FakeSplit split(arena, 0, 0);
   for (FakeEnv& env : split.envs)
@@ -128,7 +128,7 @@ TEST(Batcher, AnEvaluationsDrawsHangOnTheEpisodeAndNotOnItsEnvironment) {
 }
 
 TEST(Batcher, EverySeatChoosesByItsOwnRule) {
-  const PolicyNetOptions options = small_network("none");
+  const NetworkOptions options = small_network("none");
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1});
   FakeSplit split(arena, 0, 0);
   PolicyOutput output{
@@ -169,7 +169,7 @@ TEST(Batcher, EverySeatChoosesByItsOwnRule) {
 }
 
 TEST(Batcher, AFirstDecisionStartsFromTheZeroState) {
-  const PolicyNetOptions options = small_network();
+  const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1});
   Batcher batcher = make_batcher(arena);
   FakeSplit split(arena, 0, 0);
@@ -185,9 +185,9 @@ TEST(Batcher, AFirstDecisionStartsFromTheZeroState) {
 }
 
 TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
-  const PolicyNetOptions options = small_network();
+  const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1, .recurrent_snapshots = 5});
-  const PolicyNet net = make_net(options);
+  const ActorCritic net = make_net(options);
   Batcher batcher = make_batcher(arena);
   FakeSplit split(arena, 0, 0);
   std::vector<float> after;
@@ -204,9 +204,9 @@ TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
 }
 
 TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
-  const PolicyNetOptions options = small_network();
+  const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 2, .splits = 1});
-  const PolicyNet net = make_net(options);
+  const ActorCritic net = make_net(options);
   Batcher batcher = make_batcher(arena);
   FakeSplit split(arena, 0, 0);
   FakeEnv &full = split.envs[0], &truncated = split.envs[1];
@@ -247,13 +247,13 @@ TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
 }
 
 TEST(Batcher, ACentralCriticIsShownTheStateOfEachWorldAndOfACutEpisodesEnd) {
-  PolicyNetOptions options = small_network("none");
+  NetworkOptions options = small_network("none");
   options.critic = CriticKind::kCentral;
   options.critic_widths = {8};
   options.env.global_state_count = 3;
   options.global_state_count = 3;
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 2, .splits = 1});
-  const PolicyNet net = make_net(options);
+  const ActorCritic net = make_net(options);
   Batcher batcher = make_batcher(arena);
   FakeSplit split(arena, 0, 0);
   FakeEnv &acting = split.envs[0], &truncated = split.envs[1];
@@ -278,7 +278,7 @@ TEST(Batcher, ACentralCriticIsShownTheStateOfEachWorldAndOfACutEpisodesEnd) {
 }
 
 TEST(Batcher, InLockStepABatchIsExactlyOneCompleteSplitInEnvironmentOrder) {
-  const PolicyNetOptions options = small_network();
+  const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.sim_workers = 2, .envs_per_worker = 6});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_batch = 1, .is_deterministic = true});
   FakeSplit late(arena, 0, 1), first(arena, 1, 0);
@@ -440,9 +440,9 @@ TEST(Batcher, MaskedChoicesAreNeverAnswered) {
 }
 
 TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
-  PolicyNetOptions options = small_network();
+  NetworkOptions options = small_network();
   options.critic = CriticKind::kNone;
-  const PolicyNet net = make_net(options);
+  const ActorCritic net = make_net(options);
   for (const auto& [epsilon, exploration] : {std::pair(0.0f, Exploration::kPerHead),
                                              {0.5f, Exploration::kPerHead},
                                              {1.0f, Exploration::kPerHead},
@@ -508,8 +508,8 @@ TEST(Batcher, RandomAnswersAreUniform) {
 }
 
 TEST(Batcher, ActionsDoNotDependOnHowRequestsAreBatched) {
-  const PolicyNetOptions options = small_network();
-  const PolicyNet net = make_net(options);
+  const NetworkOptions options = small_network();
+  const ActorCritic net = make_net(options);
   std::vector<std::vector<int32_t>> actions;
   std::vector<std::vector<float>> values;
   for (const bool deterministic : {true, false}) {
@@ -544,8 +544,8 @@ TEST(Batcher, ActionsDoNotDependOnHowRequestsAreBatched) {
 
 TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
   at::set_num_threads(1);  // no thread pool must exist when the process forks
-  const PolicyNetOptions options = small_network("lstm");
-  const PolicyNet net = make_net(options);
+  const NetworkOptions options = small_network("lstm");
+  const ActorCritic net = make_net(options);
   std::vector<std::vector<Answer>> answers;
   for (const bool killed : {false, true}) {
     const shm::Arena arena = make_arena(options, {.envs_per_worker = 4, .splits = 1});
@@ -603,9 +603,9 @@ TEST(Batcher, ARoundThatAKilledWorkerHandedBackInPartIsFinishedInLockStep) {
 }
 
 TEST(Batcher, SimulatorsInThreadsGetEveryAnswer) {
-  const PolicyNetOptions options = small_network();
+  const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.sim_workers = 3, .envs_per_worker = 4, .rollout_steps = 16});
-  const PolicyNet net = make_net(options);
+  const ActorCritic net = make_net(options);
   constexpr int kRounds = 150;
   std::atomic<int> unanswered{0}, wrong{0}, running{3};
   std::vector<std::thread> simulators;

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/test_device.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
@@ -21,16 +21,16 @@ double largest_difference(const Tensor& a, const Tensor& b) {
 
 /// The same weights on the CPU, whose plain pass is the reference, and on the device of the test.
 struct Networks {
-  PolicyNet on_cpu, on_device;
+  ActorCritic on_cpu, on_device;
 };
 
-Networks make_networks(const PolicyNetOptions& options, uint64_t seed) {
-  return {PolicyNet::create(options, seed, torch::kCPU),
-          PolicyNet::create(options, seed, test::test_device())};
+Networks make_networks(const NetworkOptions& options, uint64_t seed) {
+  return {ActorCritic::create(options, seed, torch::kCPU),
+          ActorCritic::create(options, seed, test::test_device())};
 }
 
 /// Answers what waits by `staged` and holds it to the CPU's plain pass over the same batch.
-void answer_and_compare(Batcher& batcher, const PolicyNet& net, StagedForward& staged, size_t requests) {
+void answer_and_compare(Batcher& batcher, const ActorCritic& net, StagedForward& staged, size_t requests) {
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), requests);
   const PolicyOutput plain = net.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
@@ -58,7 +58,7 @@ TEST(StagedForward, BatchesAreRoundedUpToFewSizes) {
 class EveryStagedCore : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(EveryStagedCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
-  const PolicyNetOptions options = small_network(GetParam());
+  const NetworkOptions options = small_network(GetParam());
   const bool has_state = options.recurrent_state_count() > 0;
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 10});
   const test::FullPrecision full;
@@ -100,7 +100,7 @@ TEST_P(EveryStagedCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
 }
 
 TEST(StagedForward, PacksLargeBatchesWithSeveralThreads) {
-  const PolicyNetOptions options = small_network();
+  const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 120});
   const test::FullPrecision full;
   const auto [net, on_device] = make_networks(options, 3);
@@ -120,12 +120,12 @@ INSTANTIATE_TEST_SUITE_P(Cores, EveryStagedCore, ::testing::Values("none", "gru"
 class EveryPrecision : public ::testing::TestWithParam<Precision> {};
 
 TEST_P(EveryPrecision, ReadsWeightsThatCameLater) {
-  PolicyNetOptions options = small_network();
+  NetworkOptions options = small_network();
   options.precision = GetParam();
   const shm::Arena arena = make_arena(options, {});
   const test::FullPrecision full;
   const auto [net, on_device] = make_networks(options, 3);
-  const PolicyNet other = PolicyNet::create(options, 4, torch::kCPU);
+  const ActorCritic other = ActorCritic::create(options, 4, torch::kCPU);
   Batcher batcher = make_batcher(arena);
   StagedForward staged(on_device, arena.shape());
   FakeSplit split(arena, 0, 0);

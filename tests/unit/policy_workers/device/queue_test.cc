@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "policy_workers/device/readback.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/test_device.h"
 
 namespace comrad::device {

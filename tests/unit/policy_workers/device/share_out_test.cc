@@ -9,7 +9,7 @@
 
 #include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/device/part_pool.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/patience.h"
 
 namespace comrad::device {

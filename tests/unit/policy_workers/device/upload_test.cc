@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "policy_workers/device/snapshot.h"
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/support/test_device.h"
 
 namespace comrad::device {

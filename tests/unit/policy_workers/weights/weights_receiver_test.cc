@@ -2,16 +2,16 @@
 
 #include <gtest/gtest.h>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
 namespace weights_receiver_test {
 
 TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
-  const PolicyNetOptions options = small_network();
-  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
-  const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
+  const NetworkOptions options = small_network();
+  const ActorCritic learner = ActorCritic::create(options, 1, torch::kCPU);
+  const ActorCritic policy = ActorCritic::create(options, 2, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   WeightsReceiver receiver(arena);
   auto refreshed = receiver.refresh(policy);
@@ -34,8 +34,8 @@ TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
 }
 
 TEST(WeightsReceiver, RefusesWeightsOfAnotherNetworkAndKeepsItsOwn) {
-  const PolicyNetOptions options = small_network();
-  const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
+  const NetworkOptions options = small_network();
+  const ActorCritic policy = ActorCritic::create(options, 2, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
   WeightsReceiver receiver(arena);
   const std::vector<std::byte> own = policy.weights();
@@ -48,8 +48,8 @@ TEST(WeightsReceiver, RefusesWeightsOfAnotherNetworkAndKeepsItsOwn) {
 }
 
 TEST(WeightsReceiver, KnowsHowFarBehindTheNetworkIs) {
-  const PolicyNetOptions options = small_network();
-  const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
+  const NetworkOptions options = small_network();
+  const ActorCritic policy = ActorCritic::create(options, 2, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
   WeightsReceiver receiver(arena);
   arena.publish_weights(policy.weights(), 4);

@@ -10,7 +10,7 @@
 #include <thread>
 #include <tuple>
 
-#include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/settings/layers.h"
@@ -31,7 +31,7 @@ RunConfig small_config() {
   return config;
 }
 
-void publish(const shm::Arena& arena, const PolicyNet& net, PolicyVersion version) {
+void publish(const shm::Arena& arena, const ActorCritic& net, PolicyVersion version) {
   arena.publish_weights(net.weights(), version);
 }
 
@@ -61,8 +61,8 @@ class RunningWorker {
 };
 
 TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
-  const PolicyNetOptions options = small_network();
-  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const NetworkOptions options = small_network();
+  const ActorCritic learner = ActorCritic::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   FakeSplit split(arena, 0, 0);
   RunConfig config = small_config();
@@ -93,8 +93,8 @@ TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo)
   RunConfig config = small_config();
   config.run.algo = "happo";
   config.network.critic_hidden_sizes = "12,6";
-  const PolicyNetOptions options = PolicyNetOptions::from(config, small_network().env);
-  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const NetworkOptions options = NetworkOptions::from(config, small_network().env);
+  const ActorCritic learner = ActorCritic::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   publish(arena, learner, 3);
   FakeSplit split(arena, 0, 0);
@@ -127,8 +127,8 @@ TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo)
 }
 
 TEST(PolicyWorker, AStagedWorkerAnswersAsTheNetworkDoes) {
-  const PolicyNetOptions options = small_network();
-  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const NetworkOptions options = small_network();
+  const ActorCritic learner = ActorCritic::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   publish(arena, learner, 3);
   FakeSplit split(arena, 0, 0);
@@ -168,15 +168,15 @@ TEST(PolicyWorker, EverySeatIsPlayedByItsOwnNetwork) {
   second.network.rnn_type = RnnType::kLstm;
   second.network.rnn_size = 20;
   const EnvShape env = small_network().env;
-  const PolicyNet happo = PolicyNet::create(PolicyNetOptions::from(first, env), 1, torch::kCPU),
-                  vdn = PolicyNet::create(PolicyNetOptions::from(second, env), 2, torch::kCPU);
+  const ActorCritic happo = ActorCritic::create(NetworkOptions::from(first, env), 1, torch::kCPU),
+                    vdn = ActorCritic::create(NetworkOptions::from(second, env), 2, torch::kCPU);
   const test::ScratchFolder folder;
   write_seats(folder, {first, second}, {{SeatPlayer::kNetwork, 1}, {SeatPlayer::kNetwork, 0}});
-  PolicyNetOptions roomy = small_network("lstm");
+  NetworkOptions roomy = small_network("lstm");
   roomy.rnn_size = 20;  // the larger state: 40 floats
   const float epsilon = 0;
   std::vector<std::byte> bytes;
-  for (const PolicyNet* net : {&happo, &vdn}) {
+  for (const ActorCritic* net : {&happo, &vdn}) {
     std::ranges::copy(std::as_bytes(std::span(&epsilon, 1)), std::back_inserter(bytes));
     std::ranges::copy(net->weights(), std::back_inserter(bytes));
   }
@@ -265,8 +265,8 @@ TEST(PolicyWorker, RandomPlayNeedsNoWeights) {
 }
 
 TEST(PolicyWorker, GreedyPlayTakesTheMostProbableChoices) {
-  const PolicyNetOptions options = small_network("none");
-  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const NetworkOptions options = small_network("none");
+  const ActorCritic learner = ActorCritic::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   RunConfig config = small_config();
   config.network.use_rnn = false;
@@ -288,7 +288,7 @@ TEST(PolicyWorker, GreedyPlayTakesTheMostProbableChoices) {
 }
 
 TEST(PolicyWorker, RefusesARunWhoseShapesDoNotFitItsNetwork) {
-  const PolicyNetOptions options = small_network();
+  const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {}, 1 << 20);
   RunConfig config = small_config();
   config.network.rnn_type = RnnType::kLstm;

@@ -34,6 +34,17 @@ TEST(OtherNames, WhatIsDoneInAnyCaseIsTaken) {
   EXPECT_EQ(answer("num_policies", "1"), "");
 }
 
+TEST(OtherNames, ACoreSetsWhatItStandsFor) {
+  RunConfig config;
+  EXPECT_EQ(answer("core", "lstm 64 x2", config), "");
+  EXPECT_EQ(config.network.rnn_type, RnnType::kLstm);
+  EXPECT_EQ(config.network.rnn_size, 64);
+  EXPECT_EQ(config.network.rnn_num_layers, 2);
+  EXPECT_EQ(answer("core", "none", config), "");
+  EXPECT_FALSE(config.network.use_rnn);
+  EXPECT_THAT(answer("core", "gru"), AllOf(HasSubstr("core is 'gru'"), HasSubstr("gru 256, lstm 512 x2")));
+}
+
 TEST(OtherNames, WhatIsNotThereIsAnsweredWithWhatToUse) {
   EXPECT_THAT(answer("env_framestack", "4"),
               AllOf(HasSubstr("env_framestack 4"), HasSubstr("--use_rnn"), Not(HasSubstr("frameskip"))));
@@ -65,7 +76,7 @@ TEST(OtherNames, DeviceGpuIsCuda) {
 TEST(OtherNames, NoneIsASettingAndTheFlagsTheyNameExist) {
   for (const OtherName& other : other_names()) {
     for (const SettingRow& row : setting_rows()) EXPECT_FALSE(row.has_name(other.name)) << other.name;
-    EXPECT_NE(other.setting.empty(), other.instead.empty()) << other.name;
+    EXPECT_EQ(!other.setting.empty() + !other.instead.empty() + (other.assign != nullptr), 1) << other.name;
     for (std::size_t at = 0; (at = other.instead.find("--", at)) != std::string_view::npos;) {
       at += 2;
       const std::size_t end = std::min(

@@ -38,6 +38,48 @@ class Examples(unittest.TestCase):
         self.assertRegex(out, r"10240 decisions, return +-?\d")
         self.assertRegex(out, r"(?m)^trained +-?\d")
 
+    def test_the_page_of_encoders_shows_the_example_and_the_table(self):
+        from comrad._engine import encoder_layers
+
+        page = (EXAMPLES.parents[2] / "policy_workers" / "ENCODERS.md").read_text(encoding="utf-8")
+        (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+        self.assertIn(block, (EXAMPLES / "vision_transformer.py").read_text(encoding="utf-8"))
+        rows = dict(re.findall(r"(?m)^\| `(\w+)` \| (conv .*?) \|$", page))
+        self.assertGreaterEqual(len(rows), 5)
+        for name, layers in rows.items():
+            self.assertEqual(", ".join(encoder_layers(name)), layers, name)
+
+    @unittest.skipUnless(have("torch"), "needs torch")
+    def test_a_vision_transformer_is_trained_resumed_evaluated_and_read_back(self):
+        import comrad
+        import torch
+
+        comrad_program = os.environ["COMRAD_PROGRAM"]
+        with tempfile.TemporaryDirectory() as folder:
+            file = f"{folder}/vit.pt"
+            self.assertIn("256 features", self.run_example("vision_transformer.py", file))
+            begun = {f"encoder.{name}": tensor.clone() for name, tensor in torch.jit.load(file).named_parameters()}
+
+            def run(*words):
+                done = subprocess.run([comrad_program, *words], capture_output=True, text=True, timeout=280)
+                self.assertEqual(done.returncode, 0, done.stderr[-2000:])
+                return done.stdout
+
+            train = ("train", "--scenario=platform_chain", f"--train_dir={folder}", "--experiment=vit", "--num_workers=1",
+                     "--num_envs_per_worker=4", "--batch_size=128", "--device=cpu")
+            run(*train, f"--encoder={file}", "--train_for_env_frames=3000")
+            run(*train, f"--encoder={file}", "--train_for_env_frames=5000")  # the same file: the run goes on
+            os.remove(file)  # the run has its own copy
+            os.rename(f"{folder}/vit", f"{folder}/moved")
+            played = json.loads(run("eval", "--policy", f"{folder}/moved", "--episodes=1", "--json", "--device=cpu"))
+            self.assertEqual(played["episodes"], 1)
+            policy = comrad.load_policy(f"{folder}/moved")
+            trained = {name: tensor for name, tensor in policy.state_dict().items() if name in begun}
+            self.assertEqual(trained.keys(), begun.keys())
+            self.assertTrue(any(not torch.equal(trained[name], begun[name]) for name in begun), "nothing was learned")
+            logits, _ = policy(torch.zeros(2, 3, 72, 128, dtype=torch.uint8))
+            self.assertTrue(logits.isfinite().all())
+
     @unittest.skipUnless(have("torch", "torchrl"), "needs torch and torchrl")
     def test_torchrl_plays_a_team(self):
         out = self.run_example("torchrl_rollout.py")

@@ -16,6 +16,7 @@ import warnings
 from package import comrad  # first: it ends the test where the package is not there
 
 import numpy as np
+from comrad._engine import encoder_layers
 
 try:
     import torch
@@ -27,28 +28,41 @@ except ImportError as missing:
 
 ROWS, SCENARIO, RNN = 2, "ammo_carrier", 24
 CONVOLUTIONS = {
-    "convnet_simple": ((3, 32, 8), (32, 64, 4), (64, 128, 3)),
-    "convnet_impala": ((3, 16, 8), (16, 32, 4)),
-    "resnet_impala": ((3, 16, 3), *[(16, 16, 3)] * 4, (16, 32, 3), *[(32, 32, 3)] * 4, (32, 32, 3), *[(32, 32, 3)] * 4),
+    "simple": ((3, 32, 8), (32, 64, 4), (64, 128, 3)),
+    "impala": ((3, 16, 8), (16, 32, 4)),
+    "resnet": ((3, 16, 3), *[(16, 16, 3)] * 4, (16, 32, 3), *[(32, 32, 3)] * 4, (32, 32, 3), *[(32, 32, 3)] * 4),
 }
-FLAT = {"convnet_simple": 128 * 3 * 6, "convnet_impala": 32 * 7 * 14, "resnet_impala": 32 * 9 * 16}
+FLAT = {"simple": 128 * 3 * 6, "impala": 32 * 7 * 14, "resnet": 32 * 9 * 16}
+IMPALA = "conv 16 8x8/4, conv 32 4x4/2, flatten, linear 512"
 
 
-def write_checkpoint(path, encoder="convnet_impala", rnn="gru", layers=1, measurements=True, agent_id=False, normalizes=False, decoder=()):
-    """A checkpoint of a shared network; its scenario is SCENARIO."""
+def layer(inputs, *outputs):
+    """Weight and bias of a linear layer, or of a convolution: outputs are then channels, height, width."""
+    scale = (inputs * int(np.prod(outputs[1:]))) ** 0.5
+    return {"weight": torch.randn(outputs[0], inputs, *outputs[1:]) / scale, "bias": torch.randn(outputs[0]) / 10}
+
+
+def encoder_tensors(name):
+    """Random ones of a named encoder, by their names behind "encoder."."""
+    layers = {f"conv{index}": layer(inputs, outputs, kernel, kernel) for index, (inputs, outputs, kernel) in enumerate(CONVOLUTIONS[name], 1)}
+    layers["image"] = layer(FLAT[name], 512)
+    return {f"{of}.{name}": tensor for of, tensors in layers.items() for name, tensor in tensors.items()}
+
+
+def write_checkpoint(path, encoder="impala", rnn="gru", layers=1, measurements=True, agent_id=False, normalizes=False, decoder=(),
+                     architecture=None, tensors=None, features=512, own_networks=False, old=False):
+    """A checkpoint of SCENARIO. `architecture`: the section of that name, else made of the layers of `encoder`, a named one unless
+    `tensors` (of the encoder) and `features` come along. `old`: without the section, and the setting by its name of then."""
     about = comrad.describe(SCENARIO)
     count, choices = len(about["measurements"]), sum(len(head) + 1 for head in about["heads"])
     torch.manual_seed(1)
-    network = {}
+    tensors = encoder_tensors(encoder) if tensors is None else tensors
+    network = {f"encoder.{name}": tensor for name, tensor in tensors.items()}
 
     def linear(name, inputs, outputs):
-        network[f"{name}.weight"], network[f"{name}.bias"] = torch.randn(outputs, inputs) / inputs**0.5, torch.randn(outputs) / 10
+        network.update({f"{name}.{part}": tensor for part, tensor in layer(inputs, outputs).items()})
 
-    for index, (inputs, outputs, kernel) in enumerate(CONVOLUTIONS[encoder], 1):
-        network[f"encoder.conv{index}.weight"] = torch.randn(outputs, inputs, kernel, kernel) / (inputs * kernel**2) ** 0.5
-        network[f"encoder.conv{index}.bias"] = torch.randn(outputs) / 10
-    linear("encoder.image", FLAT[encoder], 512)
-    size = 512 + 2 * agent_id
+    size = features + 2 * agent_id
     if measurements:
         linear("encoder.measurement1", count, 128), linear("encoder.measurement2", 128, 128)
         size += 128
@@ -60,22 +74,29 @@ def write_checkpoint(path, encoder="convnet_impala", rnn="gru", layers=1, measur
         linear(f"decoder.{index}", size, outputs)
         size = outputs
     linear("action_head", size, choices), linear("value_head", size, 1)
+    if own_networks:
+        network = {f"agent{agent}.{name}": tensor + agent / 100 for agent in range(2) for name, tensor in network.items()}
     if normalizes:
         for name, length in (("frame", 3 * 72 * 128), ("measurement", count)):
             network[f"normalizer.{name}.mean"] = torch.rand(length, dtype=torch.float64)
             network[f"normalizer.{name}.var"] = torch.rand(length, dtype=torch.float64) + 0.5
             network[f"normalizer.{name}.count"] = torch.ones(1, dtype=torch.float64)
-    settings = {"scenario": SCENARIO, "num_agents": 2, "encoder_conv_architecture": encoder, "use_rnn": bool(rnn), "rnn_type": rnn or "gru",
-                "rnn_size": RNN, "rnn_num_layers": layers}
+    settings = {"scenario": SCENARIO, "num_agents": 2, "use_rnn": bool(rnn), "rnn_type": rnn or "gru", "rnn_size": RNN,
+                "rnn_num_layers": layers, "agent_id_input": agent_id}
+    settings.update({"encoder_conv_architecture": f"convnet_{encoder}"} if old else {"encoder": encoder})
     toml = "".join(f"{name} = {str(value).lower() if isinstance(value, bool) else repr(value)}\n" for name, value in settings.items())
-    torch.save({"network": network, "config": {"toml": toml.replace("'", '"')}}, path)
+    checkpoint = {"network": network, "config": {"toml": toml.replace("'", '"')}}
+    if not old:
+        checkpoint["architecture"] = architecture or {"encoder": ", ".join(encoder_layers(encoder))}
+    torch.save(checkpoint, path)
 
 
 VARIANTS = {
     "gru": {},
     "feed_forward": {"rnn": "", "agent_id": True, "measurements": False},
-    "two_lstm_layers": {"rnn": "lstm", "layers": 2, "decoder": (32, 16), "encoder": "convnet_simple"},
-    "resnet_normalized": {"encoder": "resnet_impala", "normalizes": True},
+    "two_lstm_layers": {"rnn": "lstm", "layers": 2, "decoder": (32, 16), "encoder": "simple"},
+    "of_before_the_section_architecture": {"old": True},
+    "resnet_normalized": {"encoder": "resnet", "normalizes": True},
 }
 
 
@@ -126,6 +147,31 @@ class Policies(unittest.TestCase):
                     torch.testing.assert_close(found, logits, atol=1e-5, rtol=1e-5)
                 self.assertEqual(None if state is None else state.shape, None if there is None else there.shape)
                 self.assertTrue(state is None or torch.equal(state, there))
+
+    def test_encoders_are_read_from_the_section_architecture_else_from_either_setting(self):
+        frame = torch.randint(0, 256, (ROWS, 3, 72, 128), dtype=torch.uint8)
+        files = [self.folder / f"{index}.pt" for index in range(4)]
+        write_checkpoint(files[0], measurements=False)
+        write_checkpoint(files[1], measurements=False, old=True)
+        tensors = encoder_tensors("impala")
+        write_checkpoint(files[2], measurements=False, encoder="moved.pt", tensors=tensors, architecture={"encoder": IMPALA})
+        write_checkpoint(files[3], measurements=False, encoder="simple", tensors=tensors)
+        checkpoint = torch.load(files[2], weights_only=True)
+        self.assertEqual(checkpoint["architecture"]["encoder"], torch.load(files[0], weights_only=True)["architecture"]["encoder"])
+        with torch.no_grad():
+            logits = [comrad.load_policy(file)(frame)[0] for file in files[:2]]
+        torch.testing.assert_close(logits[0], logits[1], rtol=0, atol=0)
+        comrad.load_policy(files[2])
+        with self.assertRaisesRegex(ValueError, "3.pt: the checkpoint has no tensor encoder.conv3.weight, which the layers"):
+            comrad.load_policy(files[3])
+        for section, words in (({}, 'encoder is moved.pt, but the checkpoint has no section "architecture"'),
+                               ({"encoder": "conv 1 9x8"}, "a window is square"),
+                               ({"encoder": "module"}, "encoder module in the checkpoint cannot be read"),
+                               ({"encoder": IMPALA + ", layernorm"}, "no tensor encoder.norm1.weight"),
+                               ({"encoder": "conv 16 8x8/4, flatten, linear 512"}, "tensors are not those of its encoder")):
+            torch.save({**checkpoint, "architecture": section}, files[3])
+            with self.assertRaisesRegex(ValueError, words):
+                comrad.load_policy(files[3])
 
     def test_an_onnx_file_chooses_the_same_actions_in_a_played_episode(self):
         try:

@@ -1,0 +1,45 @@
+#include "policy_workers/kernels/precision.h"
+
+#include "policy_workers/device/operator_path.h"
+#include "policy_workers/device/queue.h"
+#include "policy_workers/device/torch_ops.h"
+#include "policy_workers/kernels/packed_product.h"
+#include "policy_workers/kernels/weight_cache.h"
+#include "rollout_buffer/core/cpu_features.h"
+
+namespace comrad::policy {
+
+bool multiplies_bf16(torch::Device device) { return !device.is_cpu() || cpu_multiplies_bf16(); }
+
+Tensor factor(const Tensor& x, Precision precision) {
+  if (precision == Precision::kFp32) return x;
+  const Tensor rounded = x.to(torch::kBFloat16);
+  return multiplies_bf16(x.device()) ? rounded : rounded.to(torch::kFloat32);
+}
+
+Tensor weight_factor(const Tensor& weight, Precision precision) {
+  if (precision == Precision::kFp32 || (at::GradMode::is_enabled() && weight.requires_grad()))
+    return factor(weight, precision);
+  if (device::is_recording()) return factor(weight.detach(), precision);  // replays round later weights
+  thread_local WeightCache rounded;
+  return rounded.get(weight, [precision](const Tensor& detached) { return factor(detached, precision); });
+}
+
+Tensor to_f32(const Tensor& product) { return product.to(torch::kFloat32); }
+
+Tensor linear(const Tensor& x, const Tensor& weight, const Tensor& bias, Precision precision) {
+  if (device::has_own_kernels(x.device()) && !at::GradMode::is_enabled()) {
+    const Tensor rows = x.reshape({-1, x.size(-1)});
+    if (packs(rows, weight, precision)) {
+      Tensor out = torch::empty({rows.size(0), weight.size(0)}, x.options());
+      packed_product_out(out, bias, rows, weight, WeightSide::kTransposed, precision);
+      std::vector<int64_t> sizes = x.sizes().vec();
+      sizes.back() = weight.size(0);
+      return out.view(sizes);
+    }
+  }
+  if (precision == Precision::kFp32) return at::linear(x, weight, bias);
+  return to_f32(at::linear(factor(x, precision), weight_factor(weight, precision))) + bias;
+}
+
+}  // namespace comrad::policy
