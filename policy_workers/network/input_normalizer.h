@@ -26,7 +26,7 @@ constexpr float kInputClip = 5.0f;
 ///   y = clamp((x / scale - mean) / sqrt(var + 1e-5), -5, 5)
 ///
 /// Statistics start at mean 0, var 1, count 1; a batch's mean and unbiased variance are merged with the
-/// parallel-variance formula. Whoever writes the buffers from outside calls refresh() afterwards.
+/// parallel-variance formula. Call refresh() after writing the buffers from outside.
 class InputNormalizer {
  public:
   InputNormalizer() = default;

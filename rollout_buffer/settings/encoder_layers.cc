@@ -18,7 +18,7 @@ struct NamedEncoder {
   std::string_view name, old_name, layers;
 };
 /// Shapes of simple, impala and atari: Mnih et al. 2015 and Espeholt et al. 2018, IMPALA, arXiv:1802.01561, figure 3, whose ResNet is
-/// the fourth, with ELU and 512 features. The others are a half and a third of simple's arithmetic (BENCHMARKS.md).
+/// the fourth, with ELU and 512 features. The others are smaller (policy_workers/ENCODERS.md has their rates).
 constexpr NamedEncoder kEncoders[] = {
     {"simple", "convnet_simple", "conv 32 8x8/4, conv 64 4x4/2, conv 128 3x3/2, flatten, linear 512"},
     {"impala", "convnet_impala", "conv 16 8x8/4, conv 32 4x4/2, flatten, linear 512"},
