@@ -7,11 +7,7 @@ import figures
 import study_tables as of
 from analysis import ENDED_BADLY, Study, family_gaps, normalised_scores, published_table, states_text, uses_evaluations
 from page import Page
-from tables import Table, as_latex, as_markdown, millions
-
-
-def plural(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"
+from tables import Table, as_latex, as_markdown, millions, plural
 
 
 class Report:

@@ -17,7 +17,7 @@ from analysis import REFERENCE, Study, measured_references, published_table, ref
 from figures import EVALUATION, STYLE, colors_of, legend_below, plt
 from curves import draw_references, draw_runs
 from run_files import OFF_POLICY, ON_POLICY, SCORE, Run, parse_json, read_text
-from tables import Table, as_markdown, millions, rounded
+from tables import Table, as_markdown, millions, plural, rounded
 
 ALGORITHMS = ON_POLICY + OFF_POLICY
 ALPHA = 0.01
@@ -390,7 +390,7 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
         f"of {len(scenarios)}. Not yet: {joined([s for s in scenarios if not any((s, a) in learns for a in ALGORITHMS)])}.",
         "* Scenarios that each algorithm learns: " + ", ".join(f"{algo} {len(by_algo[algo])}" for algo in ALGORITHMS) + ".",
         "* What the paper prints for the same algorithm at 100 M env frames is reached within 20 M, in the game that its runs "
-        f"played (`--variant reference`), on {len(paper)} scenarios: " + (joined([f"{s} ({joined(algos)})" for s, algos in paper.items()])) + ".",
+        f"played (`--variant reference`), on {plural(len(paper), 'scenario')}: " + (joined([f"{s} ({joined(algos)})" for s, algos in paper.items()])) + ".",
         "",
     ]
     if figure is not None:

@@ -17,6 +17,10 @@ class Table:
     note: str = ""
 
 
+def plural(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
 def rounded(value: float, digits: int = 4) -> str:
     """Few digits, no exponent from a millionth to ten million; "-" for what is no number."""
     if not math.isfinite(value):
