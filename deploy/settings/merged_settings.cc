@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/other_names.h"
 #include "rollout_buffer/settings/recipes.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -64,7 +65,13 @@ class Layers {
   /// The settings that `layer` names are its own even where their value stays.
   Status put(const SettingsLayer& layer, const std::string& name) {
     COMRAD_TRY(change(name, [&layer](RunConfig& config) { return apply_layer(config, layer); }));
-    for (const auto& [key, text] : layer.values) from_[canonical_setting(key)] = name;
+    for (const auto& [key, text] : layer.values) {
+      const OtherName* other = find_other_name(key);
+      if (other == nullptr || other->assign == nullptr)
+        from_[canonical_setting(key)] = name;
+      else
+        for (const std::string_view setting : other->sets) from_[std::string(setting)] = name;
+    }
     return {};
   }
   /// What `edit` changes came from the layer `name`.

@@ -22,7 +22,7 @@ Status assign_core(RunConfig& config, const std::string& origin, std::string_vie
 
 constexpr OtherName kOtherNames[] = {
     {.name = "value_bootstrap", .is_boolean = true, .setting = "legacy_timeouts"},
-    {.name = "core", .assign = assign_core},
+    {.name = "core", .assign = assign_core, .sets = {"use_rnn", "rnn_type", "rnn_size", "rnn_num_layers"}},
     {.name = "env_framestack",
      .same = "1",
      .instead = "frames are not stacked; agents remember by their recurrent core (--use_rnn, --rnn_type, "

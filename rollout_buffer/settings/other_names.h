@@ -3,6 +3,7 @@
 // Stage: before a run.
 #pragma once
 
+#include <array>
 #include <span>
 #include <string>
 #include <string_view>
@@ -22,6 +23,7 @@ struct OtherName {
   std::string_view instead = "";  ///< what to use instead, words that follow a colon
 
   Status (*assign)(RunConfig&, const std::string& origin, std::string_view text) = nullptr;
+  std::array<std::string_view, 4> sets = {};  ///< what `assign` sets
 
   /// Whether `text` asks for what is done in any case. Errors: kBadInput with `instead`.
   Status accept(const std::string& origin, std::string_view text) const;

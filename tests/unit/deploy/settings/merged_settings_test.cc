@@ -292,6 +292,28 @@ TEST(MergeOntoRun, RefusesToChangeWhatShapesTheNetwork) {
   EXPECT_THAT(merged.error().message, HasSubstr("--rnn_size=64: the run was made with 512"));
 }
 
+TEST(MergeOntoRun, AnEncodersFileIsTheRunsCopyWhereItsBytesAreEqual) {
+  const test::ScratchFolder folder;
+  const std::string typed_file = folder.write("vit.pt", "module"),
+                    other = folder.write("other.pt", "another");
+  RunConfig run = merge_new(typed({{"encoder", typed_file}}), fake_scenario, 2)->config;
+  EXPECT_FALSE(run.network.normalize_input);
+  run.network.encoder = folder.write("run/encoder.pt", "module");
+  const auto same = merge_onto_run(run, typed({{"encoder", typed_file}}), fake_scenario, 2);
+  ASSERT_TRUE(same) << same.error().message;
+  EXPECT_EQ(same->config.network.encoder, run.network.encoder);
+  const auto changed = merge_onto_run(run, typed({{"encoder", other}}), fake_scenario, 2);
+  ASSERT_FALSE(changed);
+  EXPECT_THAT(changed.error().message, HasSubstr("other.pt: the run was made with"));
+}
+
+TEST(MergeNew, ACoreInOneWordIsWhereItsSettingsComeFrom) {
+  const auto merged = merge_new(typed({{"core", "gru 64"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  for (const char* name : {"use_rnn", "rnn_type", "rnn_size", "rnn_num_layers"})
+    EXPECT_EQ(merged->from.at(name), "command line") << name;
+}
+
 TEST(MergeOntoRun, ARunOfAnotherVersionOfTheScenarioIsRefused) {
   const auto made = merge_new(typed({}), fake_scenario, 2);
   EXPECT_EQ(made->config.environment.scenario_version, 1);

@@ -40,6 +40,8 @@ TEST(OtherNames, ACoreSetsWhatItStandsFor) {
   EXPECT_EQ(config.network.rnn_type, RnnType::kLstm);
   EXPECT_EQ(config.network.rnn_size, 64);
   EXPECT_EQ(config.network.rnn_num_layers, 2);
+  for (const std::string_view name : find_other_name("core")->sets)
+    EXPECT_NE(find_setting(name), nullptr) << name;
   EXPECT_EQ(answer("core", "none", config), "");
   EXPECT_FALSE(config.network.use_rnn);
   EXPECT_THAT(answer("core", "gru"), AllOf(HasSubstr("core is 'gru'"), HasSubstr("gru 256, lstm 512 x2")));
