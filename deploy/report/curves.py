@@ -80,8 +80,15 @@ def draw_runs(
         return None
     has_band = curve.runs >= BAND_RUNS
     words = f" (mean of {curve.runs}{', 95 %' if has_band else ''})" if curve.runs > 1 else ""
+    is_point = np.unique(curve.x[np.isfinite(curve.mean)]).size == 1  # a short run; a line needs two reports
     (line,) = axes.plot(
-        curve.x / scale, curve.mean, linewidth=linewidth, color=color, linestyle=linestyle, label=label + words
+        curve.x / scale,
+        curve.mean,
+        linewidth=linewidth,
+        color=color,
+        linestyle=linestyle,
+        marker="o" if is_point else None,
+        label=label + words,
     )
     if has_band:
         low, high = curve.mean - curve.half_width, curve.mean + curve.half_width

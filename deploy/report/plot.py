@@ -103,7 +103,8 @@ def main(words: list[str]) -> int:
                 continue
             drawn += 1
             color = line.get_color()
-            line.set(marker="o" if style == "--" and len(line.get_xdata()) <= 50 else "", markersize=3)
+            if style == "--" and len(line.get_xdata()) <= 50:
+                line.set(marker="o", markersize=3)
     if drawn == 0:
         say("error: nothing to draw")
         return 2

@@ -35,7 +35,7 @@ def parse(words: list[str]) -> argparse.Namespace:
     )
     parser.add_argument("folder", metavar="DIR", type=pathlib.Path)
     parser.add_argument(
-        "--output", metavar="FOLDER", type=pathlib.Path, help="where the report goes (default DIR/report)"
+        "-o", "--output", metavar="FOLDER", type=pathlib.Path, help="where the report goes (default DIR/report)"
     )
     parser.add_argument(
         "--at",

@@ -548,6 +548,12 @@ class Numbers(unittest.TestCase):
             low, high = axes.get_ylim()
             self.assertLess(high - low, 1.2 * 100 * max(1, count - 1) + 100 * bands, "the band does not make the lines flat")
 
+    def test_a_run_with_one_report_is_a_point(self):
+        at = np.array([60_000.0])
+        run = run_files.Run(pathlib.Path("x"), {}, run_files.Metrics(at, at, {run_files.SCORE: np.array([0.04])}))
+        line = curves.draw_runs(matplotlib.figure.Figure().subplots(), [run], "a")
+        self.assertEqual(line.get_marker(), "o")
+
     def test_a_reference_that_would_make_curves_flat_is_words(self):
         axes = matplotlib.figure.Figure().subplots()
         axes.plot([0, 1], [0, 1])
@@ -795,7 +801,7 @@ class ResultsPage(WithFolder):
         self.keep("coop_health_gathering@reference", "ippo", 7, [2000.0, 2010.0] * 50)  # tics; 1 104.9 decisions are 4 419.6
         self.keep("smart_enemies", "ippo", 7, [50.0, 60.0] * 50)
         page = self.page()
-        self.assertIn("on 1 scenarios: lava_pit@reference (ippo)", page)
+        self.assertIn("on 1 scenario: lava_pit@reference (ippo)", page)
         self.assertRegex(page, r"coop_health_gathering@reference_ippo_7 .* \| 4420 \| 2 \|  \|")
         self.assertRegex(page, r"smart_enemies_ippo_7 .* \|  \| 2 \| version 1 of the scenario, now 2 \|")
 
