@@ -4,6 +4,7 @@
 #include <torch/csrc/jit/runtime/graph_executor.h>
 #include <torch/csrc/jit/serialization/import.h>
 
+#include <algorithm>
 #include <exception>
 #include <filesystem>
 
@@ -125,10 +126,11 @@ Status check_script_encoder(const std::string& path, const EnvShape& env) {
     const ScriptEncoder encoder(path, env, torch::kCPU);
     if (const std::string fault = fault_of(encoder); !fault.empty()) return refuse(fault);
   } catch (const std::exception& error) {
-    // TorchScript's reports have a line for every frame of its interpreter; the last one says what happened.
+    // One line: TorchScript's reports have one for every frame of its interpreter, and the last says what happened.
     std::string what = error.what();
-    if (const std::size_t trace = what.find("\nException raised from"); trace != std::string::npos)
-      what.resize(trace);
+    what.resize(std::min(what.find("\nException raised from"), what.size()));
+    what.resize(what.find_last_not_of(" \n") + 1);
+    what.erase(0, what.rfind('\n') + 1);
     return refuse(
         "failed, where a TorchScript module of frames u8 [B, " + std::to_string(env.channels) + ", " +
         std::to_string(env.height) + ", " + std::to_string(env.width) + "] and measurements f32 [B, " +

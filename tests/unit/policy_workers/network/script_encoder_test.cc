@@ -94,6 +94,10 @@ TEST_F(ScriptEncoders, AFaultEndsTheStartWithWhatWasExpected) {
   EXPECT_THAT(fault("    return torch.matmul(frames.float().mean([2, 3]), self.weight.detach().t())\n"),
               ::testing::Not(::testing::IsEmpty()));
   EXPECT_THAT(fault("    return torch.matmul(frames, self.weight)\n"), HasSubstr("libtorch says"));
+  const std::string product = fault("    return torch.matmul(measurements, self.weight.t())\n");
+  EXPECT_THAT(product, AllOf(HasSubstr("encoder.pt failed"), HasSubstr("measurements f32 [B, 0]"),
+                             HasSubstr("libtorch says: ")));
+  EXPECT_EQ(product.find('\n'), std::string::npos) << product;
   EXPECT_THAT(fault(kGood, torch::kFloat64), HasSubstr("float32 is expected"));
   folder_.write("broken.pt", "no module");
   EXPECT_THAT(check_script_encoder(folder_.string() + "/broken.pt", env_).error().message,
