@@ -160,9 +160,15 @@ TEST(AddingAnEncoder, LayersInAFileOfSettingsAreTrainedWithoutCode) {
       StartsWith(
           "encoder conv 16 8x8/4, conv 32 4x4/2, flatten, linear 256 by oneDNN convolutions, gru of 256"));
   for (const auto& [name, tensor] : net.named_parameters()) {
-    if (name == "encoder.image.weight") EXPECT_EQ(tensor.size(0), 256);
-    if (name == "core.weight_hh_l0") EXPECT_EQ(tensor.size(1), 256);
-    if (name == "action_head.weight") EXPECT_EQ(tensor.size(1), 128);
+    if (name == "encoder.image.weight") {
+      EXPECT_EQ(tensor.size(0), 256);
+    }
+    if (name == "core.weight_hh_l0") {
+      EXPECT_EQ(tensor.size(1), 256);
+    }
+    if (name == "action_head.weight") {
+      EXPECT_EQ(tensor.size(1), 128);
+    }
   }
 }
 
