@@ -510,8 +510,9 @@ def run_monsters(vzd, binary, only, report):
 
 
 # Warnings that say what is so on purpose: mirrors are not drawn, buffers are not traced, an IWAD elsewhere, one map of
-# several, linedefs without a back side.
-EXPLAINED = ("Line_Mirror", "is not served", "is played instead", "say which one with doom_map", "taken as one-sided")
+# several, linedefs without a back side, the frames that Freedoom of Debian 13 patches (vizdoom has a Freedoom of its own).
+EXPLAINED = ("Line_Mirror", "is not served", "is played instead", "say which one with doom_map", "taken as one-sided",
+             "freedoom2.wad DEHACKED")
 
 
 def maps_of(path):
