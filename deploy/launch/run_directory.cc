@@ -27,7 +27,6 @@ constexpr double kOrphanWaitS =
     12.0;  // a learner without its supervisor has 10 s to write its last checkpoint
 constexpr int kMaxOldRuns = 9999;
 constexpr int kMaxRunsOfAName = 9999;
-constexpr std::size_t kEncoderBytesMax = std::size_t{1} << 30;
 constexpr const char* kEncoderFile = "encoder.pt";
 
 Status check_name(const std::string& experiment) {
@@ -184,7 +183,7 @@ Status RunDirectory::write_config(const RunConfig& config,
   RunConfig written = config;
   if (is_encoder_file(config.network.encoder)) {
     written.network.encoder = kEncoderFile;  // the run's own copy, which config.toml names beside itself
-    COMRAD_TRY_ASSIGN(const std::string module, read_short_file(config.network.encoder, kEncoderBytesMax));
+    COMRAD_TRY_ASSIGN(const std::string module, read_encoder_file(config.network.encoder));
     COMRAD_TRY(write_file_atomically(path_ + "/" + kEncoderFile, module, /*durable=*/true));
   }
   return write_file_atomically(path_ + "/config.toml", settings_to_toml(written, asked_for),

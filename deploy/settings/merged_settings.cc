@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <optional>
 
 #include "rollout_buffer/core/config_file_name.h"
-#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/layers.h"
@@ -25,19 +23,22 @@ std::string canonical_setting(const std::string& key) {
   return row == nullptr ? key : std::string(row->name);
 }
 
+std::string absolute(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::absolute(path, ignored).lexically_normal().string();
+}
+
 /// The scenario, by its whole path where a path names it: a run goes on from whatever folder.
 std::string whole_path(const std::string& scenario) {
-  if (scenario.find('/') == std::string::npos && !names_vizdoom_config(scenario)) return scenario;
-  std::error_code ignored;
-  return std::filesystem::absolute(scenario, ignored).lexically_normal().string();
+  const bool is_path = scenario.find('/') != std::string::npos || names_vizdoom_config(scenario);
+  return is_path ? absolute(scenario) : scenario;
 }
 
 SettingsLayer with_whole_paths(SettingsLayer layer) {
-  std::error_code ignored;
   for (auto& [key, value] : layer.values) {
-    if (canonical_setting(key) == "scenario") value = whole_path(value);
-    if (canonical_setting(key) == "encoder" && is_encoder_file(value))
-      value = std::filesystem::absolute(value, ignored).lexically_normal().string();
+    const std::string setting = canonical_setting(key);
+    if (setting == "scenario") value = whole_path(value);
+    if (setting == "encoder" && is_encoder_file(value)) value = absolute(value);
   }
   return layer;
 }
@@ -45,7 +46,7 @@ SettingsLayer with_whole_paths(SettingsLayer layer) {
 /// Whether two encoders are files of the same bytes: a run keeps a copy of its module, and the user names the original.
 bool are_equal_files(const std::string& one, const std::string& other) {
   if (!is_encoder_file(one) || !is_encoder_file(other)) return false;
-  const std::optional<std::string> here = read_file(one), there = read_file(other);
+  const Expected<std::string> here = read_encoder_file(one), there = read_encoder_file(other);
   return here && there && *here == *there;
 }
 

@@ -5,16 +5,9 @@
 #include <vector>
 
 #include "policy_workers/device/torch_ops.h"
-#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/settings/encoder_layers.h"
 
 namespace comrad::learn {
-namespace {
-
-constexpr std::size_t kModuleBytesMax = std::size_t{1} << 30;
-
-}  // namespace
-
 Expected<StateDict> architecture_of(const RunConfig& config) {
   const std::string& encoder = config.network.encoder;
   StateDict state;
@@ -23,7 +16,7 @@ Expected<StateDict> architecture_of(const RunConfig& config) {
     state.put("architecture/encoder", layers ? layers_text(*layers) : encoder);
     return state;
   }
-  COMRAD_TRY_ASSIGN(const std::string bytes, read_short_file(encoder, kModuleBytesMax));
+  COMRAD_TRY_ASSIGN(const std::string bytes, read_encoder_file(encoder));
   torch::Tensor module = torch::empty({static_cast<int64_t>(bytes.size())}, torch::kUInt8);
   std::memcpy(module.data_ptr(), bytes.data(), bytes.size());
   state.put("architecture/encoder", std::string("module"));

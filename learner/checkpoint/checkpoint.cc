@@ -17,6 +17,7 @@
 #include <memory>
 #include <string_view>
 
+#include "policy_workers/device/shape_text.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/take_number.h"
@@ -52,10 +53,6 @@ class Descriptor {
 
 Error missing(const std::string& key, const char* kind) {
   return Error{ErrorCode::kBadFormat, "checkpoint has no " + std::string(kind) + " \"" + key + "\""};
-}
-
-std::string shape_text(const torch::Tensor& tensor) {
-  return std::string(c10::toString(tensor.scalar_type())) + " [" + joined(tensor.sizes()) + "]";
 }
 
 c10::IValue to_ivalue(const StateDict::Value& value) {
@@ -224,8 +221,8 @@ Expected<std::string> StateDict::text(const std::string& key) const {
 Status StateDict::copy_tensor(const std::string& key, torch::Tensor target) const {
   COMRAD_TRY_ASSIGN(const torch::Tensor source, tensor(key));
   if (source.sizes() != target.sizes() || source.scalar_type() != target.scalar_type())
-    return Error{ErrorCode::kBadFormat, "checkpoint tensor \"" + key + "\" is " + shape_text(source) +
-                                            ", this run needs " + shape_text(target) +
+    return Error{ErrorCode::kBadFormat, "checkpoint tensor \"" + key + "\" is " + device::shape_text(source) +
+                                            ", this run needs " + device::shape_text(target) +
                                             "; was it made with another model or scenario?"};
   torch::NoGradGuard no_grad;
   target.copy_(source);

@@ -136,8 +136,10 @@ ActorCritic ActorCritic::make(const NetworkOptions& options, uint64_t seed, torc
     const int64_t features = tower.feature_count();
     Layer action_head = make("action_head", {options.env.logit_count(), features});
     std::vector<Layer> value_head;
-    if (options.critic == CriticKind::kOwn) value_heads.push_back(make("value_head", {1, features}));
-    if (!value_heads.empty()) value_head = {value_heads.back()};
+    if (options.critic == CriticKind::kOwn) {
+      value_head = {make("value_head", {1, features})};
+      value_heads.push_back(value_head.front());
+    }
     impl.actors.push_back({.prefix = options.separate_agents ? "agent" + std::to_string(i) + "." : "",
                            .tower = std::move(tower),
                            .action_head = std::move(action_head),

@@ -50,6 +50,4 @@ Status check_encoder(const std::string& encoder, const EnvShape& env) {
   return {};
 }
 
-bool normalizes_input(const std::string& encoder) { return !is_encoder_file(encoder); }
-
 }  // namespace comrad::policy

@@ -60,7 +60,4 @@ std::shared_ptr<const Encoder> make_encoder(const EncoderInput& input, const Lay
 /// layer that does not fit; kNotFound or kBadFormat for a module that is missing or does not do what an encoder does.
 Status check_encoder(const std::string& encoder, const EnvShape& env);
 
-/// Whether the encoder sees inputs by their running statistics. A module gets bytes.
-bool normalizes_input(const std::string& encoder);
-
 }  // namespace comrad::policy

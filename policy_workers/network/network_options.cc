@@ -1,6 +1,5 @@
 #include "policy_workers/network/network_options.h"
 
-#include "policy_workers/network/encoder.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/settings/setting.h"
 
@@ -21,7 +20,7 @@ NetworkOptions NetworkOptions::from(const RunConfig& config, const EnvShape& env
   options.rnn_num_layers = config.network.rnn_num_layers;
   options.decoder_widths = widths(config.network.decoder_mlp_layers);
   options.init_gain = config.network.policy_init_gain;
-  options.normalize_input = config.network.normalize_input && normalizes_input(options.encoder);
+  options.normalize_input = config.network.normalize_input;
   options.separate_agents = !config.network.share_parameters || config.run.algo->separate_agents;
   options.agent_id_input = config.network.agent_id_input;
   options.critic = config.run.algo->critic;

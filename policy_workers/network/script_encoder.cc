@@ -8,13 +8,13 @@
 #include <exception>
 #include <filesystem>
 
+#include "policy_workers/device/shape_text.h"
 #include "policy_workers/device/torch_ops.h"
-#include "rollout_buffer/core/check.h"
+#include "rollout_buffer/settings/encoder_layers.h"
 
 namespace comrad::policy {
 namespace {
 
-constexpr int64_t kFeaturesMax = 32768;
 constexpr double kRowTolerance = 1e-3;
 
 class ScriptEncoder : public Encoder {
@@ -61,33 +61,26 @@ class ScriptEncoder : public Encoder {
   int64_t feature_count_ = 0;
 };
 
-std::string shape_text(const Tensor& tensor) {
-  std::string text = std::string(c10::toString(tensor.scalar_type())) + " [";
-  for (int64_t axis = 0; axis < tensor.dim(); ++axis)
-    text += (axis > 0 ? ", " : "") + std::to_string(tensor.size(axis));
-  return text + "]";
-}
-
 /// What is wrong with the module; empty where nothing is.
 std::string fault_of(const ScriptEncoder& encoder) {
   const NamedTensors parameters = encoder.named_parameters();
   if (parameters.empty()) return "has no parameters; one that learns is expected";
   for (const auto& [name, tensor] : parameters)
     if (tensor.scalar_type() != torch::kFloat32)
-      return "has the parameter " + name.substr(name.find('.') + 1) + " of " + shape_text(tensor) +
+      return "has the parameter " + name.substr(name.find('.') + 1) + " of " + device::shape_text(tensor) +
              "; float32 is expected";
   const Tensor features = encoder.try_rows(5);
   if (features.scalar_type() != torch::kFloat32 || features.dim() != 2 || features.size(0) != 5 ||
-      features.size(1) < 1 || features.size(1) > kFeaturesMax)
-    return "returns " + shape_text(features) + " for 5 rows; features float32 [5, F], F up to " +
-           std::to_string(kFeaturesMax) + ", are expected";
+      features.size(1) < 1 || features.size(1) > kEncoderFeaturesMax)
+    return "returns " + device::shape_text(features) + " for 5 rows; features float32 [5, F], F up to " +
+           std::to_string(kEncoderFeaturesMax) + ", are expected";
   if (!torch::isfinite(features).all().item<bool>())
     return "returns infinity or NaN for random bytes; finite features are expected (divide frames by 255)";
   if (!torch::equal(encoder.try_rows(5), features))
     return "returns other features for the same input; leave out dropout and noise";
   const Tensor fewer = encoder.try_rows(2);
   if (fewer.size(1) != features.size(1))
-    return "returns " + shape_text(fewer) + " for 2 rows and " + shape_text(features) +
+    return "returns " + device::shape_text(fewer) + " for 2 rows and " + device::shape_text(features) +
            " for 5; the same number of features is expected";
   const double moved = (fewer[0] - features[0]).abs().max().item<double>();
   if (moved > kRowTolerance * (1 + features[0].abs().max().item<double>()))

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <optional>
 
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/core/text.h"
 
@@ -11,6 +12,7 @@ namespace comrad {
 namespace {
 
 constexpr std::size_t kLayersMax = 64;
+constexpr std::size_t kFileBytesMax = std::size_t{1} << 30;
 constexpr int64_t kChannelsMax = 1024, kFeaturesMax = 8192, kKernelMax = 32, kStrideMax = 16;
 constexpr LayerShape kFrame = {3, 72, 128};
 
@@ -31,6 +33,9 @@ constexpr NamedEncoder kEncoders[] = {
     {"impala_small", "", "conv 16 8x8/4, conv 32 4x4/2, flatten, linear 256"},
 };
 
+/// In the order of LayerKind; an activation alone is named by itself.
+constexpr std::array<std::string_view, 6> kKinds = {"conv",      "pool",    "residual",
+                                                    "layernorm", "flatten", "linear"};
 constexpr std::array<std::string_view, 6> kActivations = {"none", "elu", "relu", "tanh", "gelu", "silu"};
 constexpr std::string_view kForms =
     "conv CHANNELS KxK[/STRIDE] [pad N] [ACTIVATION], pool KxK[/STRIDE] [pad N], residual, layernorm, "
@@ -108,8 +113,6 @@ Expected<EncoderLayer> parse_layer(std::string_view text) {
                  "encoder layer '" + std::string(text) + "': " + why + "; a layer is " + std::string(kForms)};
   };
   const std::vector<std::string> words = parts_of(text, ' ');
-  constexpr std::array<std::string_view, 6> kKinds = {"conv",      "pool",    "residual",
-                                                      "layernorm", "flatten", "linear"};
   EncoderLayer layer;
   const auto* const kind = std::ranges::find(kKinds, words.front());
   if (kind != kKinds.end()) {
@@ -201,10 +204,13 @@ Expected<LayerShape> shape_after(const EncoderLayer& layer, const LayerShape& in
 
 bool is_encoder_file(std::string_view encoder) { return encoder.ends_with(".pt"); }
 
+Expected<std::string> read_encoder_file(const std::string& path) {
+  return read_short_file(path, kFileBytesMax);
+}
+
 bool is_encoder_name(std::string_view encoder) {
-  const std::vector<std::string> kinds = {"conv", "pool", "residual", "layernorm", "flatten", "linear"};
   return !is_encoder_file(encoder) && encoder.find_first_of(", \n") == std::string_view::npos &&
-         std::ranges::find(kinds, encoder) == kinds.end() && !activation_of(encoder);
+         std::ranges::find(kKinds, encoder) == kKinds.end() && !activation_of(encoder);
 }
 
 std::vector<std::string> encoder_names() {
@@ -245,9 +251,9 @@ Expected<std::vector<EncoderLayer>> parse_encoder(const std::string& encoder) {
     return Error{ErrorCode::kBadInput,
                  "encoder '" + encoder + "' ends with " + shape_text(shape) +
                      "; it must end in features: put flatten, and usually a linear layer, behind it"};
-  if (shape.channels > kFeaturesMax * 4)
+  if (shape.channels > kEncoderFeaturesMax)
     return Error{ErrorCode::kBadInput, "encoder '" + encoder + "' ends with " + shape_text(shape) +
-                                           "; at most " + std::to_string(kFeaturesMax * 4) +
+                                           "; at most " + std::to_string(kEncoderFeaturesMax) +
                                            " may reach the core, put a linear layer behind flatten"};
   return layers;
 }

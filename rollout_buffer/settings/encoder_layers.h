@@ -44,8 +44,13 @@ struct LayerShape {
 /// What the layer makes of a row of that shape. Errors: kBadInput for a layer that does not fit, naming both.
 Expected<LayerShape> shape_after(const EncoderLayer& layer, const LayerShape& input);
 
+/// How many features of a row may reach the core.
+constexpr int64_t kEncoderFeaturesMax = 32768;
+
 /// Whether `encoder` is the path of a TorchScript module: it ends in ".pt".
 bool is_encoder_file(std::string_view encoder);
+/// The bytes of that file, 1 GiB at most. Errors: those of read_short_file().
+Expected<std::string> read_encoder_file(const std::string& path);
 /// Whether `encoder` is one name, known or not, rather than layers.
 bool is_encoder_name(std::string_view encoder);
 /// simple, impala, ...: the names of the table.

@@ -9,30 +9,12 @@
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/kernels/elementwise.h"
 #include "policy_workers/kernels/precision.h"
+#include "tests/unit/policy_workers/network/made_encoder.h"
 
 namespace comrad::policy {
 namespace encoder_test {
 
 at::Generator generator(uint64_t seed) { return at::make_generator<at::CPUGeneratorImpl>(seed); }
-
-/// An encoder with its statistics.
-struct Made {
-  std::shared_ptr<ObservationNormalizer> normalizer;
-  std::shared_ptr<const Encoder> encoder;
-
-  void update_statistics(const Tensor& frame, const Tensor& measurement) const {
-    normalizer->frame.update(frame);
-    if (measurement.defined()) normalizer->measurement.update(measurement);
-  }
-};
-Made make(const EnvShape& env = {}, const std::string& name = "simple",
-          Precision precision = Precision::kFp32) {
-  torch::NoGradGuard no_grad;
-  Made made{ObservationNormalizer::create(env, true, torch::kCPU), nullptr};
-  made.encoder = make_encoder({.env = env, .encoder = name, .normalizer = made.normalizer},
-                              {.generator = generator(1), .precision = precision});
-  return made;
-}
 
 void expect_near(const Tensor& tensor, std::vector<double> expected, double tolerance) {
   const Tensor flat = tensor.to(torch::kFloat64).flatten();
@@ -153,7 +135,7 @@ TEST(Orthogonal, RowsOrColumnsAreOrthonormalTimesGain) {
 
 TEST(Encoder, HasTheParameterCountOfTheSpecification) {
   torch::NoGradGuard no_grad;
-  const std::shared_ptr<const Encoder> encoder = make().encoder;
+  const std::shared_ptr<const Encoder> encoder = made_encoder().encoder;
   int64_t count = 0;
   for (auto& [name, parameter] : encoder->named_parameters()) count += parameter.numel();
   EXPECT_EQ(count, 1'293'024);
@@ -162,7 +144,7 @@ TEST(Encoder, HasTheParameterCountOfTheSpecification) {
 
 TEST(Encoder, EqualsTheLayersWrittenOut) {
   torch::NoGradGuard no_grad;
-  const std::shared_ptr<const Encoder> encoder = make().encoder;
+  const std::shared_ptr<const Encoder> encoder = made_encoder().encoder;
   const Tensor frame = torch::randint(0, 256, {3, 3, 72, 128}, torch::kUInt8);
   std::vector<Tensor> p;
   for (auto& [name, parameter] : encoder->named_parameters()) p.push_back(parameter.to(torch::kFloat64));
@@ -184,7 +166,7 @@ TEST(Encoder, HasTheGradientsOfTheLayersWrittenOut) {
   env.height = 40;
   env.width = 44;
   torch::manual_seed(1);
-  const Made made = make(env);
+  const MadeEncoder made = made_encoder(env);
   const std::shared_ptr<const Encoder> encoder = made.encoder;
   const Tensor frame = torch::randint(0, 256, {70, 3, 40, 44}, torch::kUInt8),
                weights = torch::randn({70, 512});
@@ -277,7 +259,7 @@ TEST(Encoder, MeasurementsAddTheirOwnBranch) {
   EnvShape env;
   env.measurement_count = 6;
   torch::NoGradGuard no_grad;
-  const Made made = make(env);
+  const MadeEncoder made = made_encoder(env);
   const std::shared_ptr<const Encoder> encoder = made.encoder;
   EXPECT_EQ(encoder->feature_count(), 640);
   const Tensor frame = torch::randint(0, 256, {3, 3, 72, 128}, torch::kUInt8),

@@ -14,6 +14,7 @@
 #include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/layers.h"
 #include "tests/support/scratch_folder.h"
+#include "tests/unit/policy_workers/network/made_encoder.h"
 
 namespace comrad::policy {
 namespace layer_encoder_test {
@@ -29,15 +30,11 @@ EnvShape small_frames() {
   return env;
 }
 
-std::shared_ptr<const Encoder> encoder_of(const EnvShape& env, const std::string& layers,
-                                          Precision precision = Precision::kFp32) {
-  torch::NoGradGuard no_grad;
-  const auto normalizer = ObservationNormalizer::create(env, true, torch::kCPU);
+std::shared_ptr<const Encoder> encoder_of(const EnvShape& env, const std::string& layers) {
+  const MadeEncoder made = made_encoder(env, layers);
   torch::manual_seed(3);
-  normalizer->frame.update(torch::randint(0, 256, {20, env.frame_bytes()}, torch::kUInt8));
-  return make_encoder(
-      {.env = env, .encoder = layers, .normalizer = normalizer},
-      {.generator = at::make_generator<at::CPUGeneratorImpl>(uint64_t{1}), .precision = precision});
+  made.update_statistics(torch::randint(0, 256, {20, env.frame_bytes()}, torch::kUInt8), {});
+  return made.encoder;
 }
 
 struct Pass {

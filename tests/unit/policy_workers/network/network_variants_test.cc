@@ -9,7 +9,7 @@
 
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/network/actor_critic.h"
-#include "policy_workers/network/encoder.h"
+#include "tests/unit/policy_workers/network/made_encoder.h"
 
 namespace comrad::policy {
 namespace network_variants_test {
@@ -431,18 +431,11 @@ TEST(ActorCritic, OnlyTheCriticByPositionGrowsWithTheNumberOfAgents) {
 
 // Encoders.
 
-std::shared_ptr<const Encoder> encoder_of(const EnvShape& env, const std::string& name) {
-  torch::NoGradGuard no_grad;
-  return make_encoder(
-      {.env = env, .encoder = name, .normalizer = ObservationNormalizer::create(env, true, torch::kCPU)},
-      {.generator = at::make_generator<at::CPUGeneratorImpl>(1)});
-}
-
 TEST(Encoder, HasTheParameterCountsOfItsArchitectures) {
   torch::NoGradGuard no_grad;
   for (const auto& [name, expected] :
        {std::pair("simple", 1'293'024), {"impala", 1'617'456}, {"atari", 2'042'528}, {"resnet", 2'457'408}}) {
-    const std::shared_ptr<const Encoder> encoder = encoder_of({}, name);
+    const std::shared_ptr<const Encoder> encoder = made_encoder({}, name).encoder;
     int64_t count = 0;
     for (auto& [layer, parameter] : encoder->named_parameters()) count += parameter.numel();
     EXPECT_EQ(count, expected) << name;
@@ -483,7 +476,7 @@ TEST(Encoder, EveryArchitectureEqualsItsLayersWrittenOutForwardAndBackward) {
   env.width = 44;
   for (const char* name : {"simple", "impala", "atari", "resnet"}) {
     torch::manual_seed(1);
-    const std::shared_ptr<const Encoder> encoder = encoder_of(env, name);
+    const std::shared_ptr<const Encoder> encoder = made_encoder(env, name).encoder;
     const Tensor frame = torch::randint(0, 256, {67, 3, 40, 44}, torch::kUInt8),  // more than one chunk
         weights = torch::randn({67, 512});
     // Which pixel of a pooling window is the largest is a matter of the last digit: there the reference is
