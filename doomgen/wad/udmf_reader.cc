@@ -438,6 +438,12 @@ class Parser {
     return {};
   }
 
+  /// A number with a point is none to ViZDoom, also 1.0.
+  Status thing_health(const Assignment& from, int32_t& to) const {
+    if (from.value.kind == Token::Kind::kNumber && !from.value.is_integer) return to = 0, Status();
+    return read(from, to);
+  }
+
   Status thing(const Token& name, UdmfMap& map) {
     UdmfThing thing;
     thing.text_line = name.line;
@@ -465,7 +471,7 @@ class Parser {
       if (a.key == "countsecret") return read(a, thing.count_secret);
       if (a.key == "pitch") return read(a, thing.pitch);
       if (a.key == "alpha") return read(a, thing.alpha);
-      if (a.key == "health") return read(a, thing.health);
+      if (a.key == "health") return thing_health(a, thing.health);
       if (a.key == "gravity") return read(a, thing.gravity);
       if (a.key == "score") return read(a, thing.score);
       if (a.key == "arg0str") return read(a, thing.arg0_text);

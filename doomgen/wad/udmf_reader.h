@@ -82,7 +82,8 @@ struct UdmfThing {
   bool standing = false, friendly = false, invisible = false, translucent = false, count_secret = false;
   int32_t pitch = 0, score = 0;
   std::string arg0_text;
-  double alpha = -1, scale_x = 1, scale_y = 1, health = 1, gravity = 1;
+  double alpha = -1, scale_x = 1, scale_y = 1, gravity = 1;
+  int32_t health = 1;  ///< times the type's; below 0: minus that many points; 0: it is dead
   int text_line = 0;
 };
 

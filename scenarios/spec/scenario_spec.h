@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "doomgen/wad/game_flags.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/schema/spec.h"
@@ -35,6 +36,10 @@ struct GameRules {
   bool lone_death_ends = false;
   bool network_game = false;  ///< -host: of one player, too, whose death then does not end the episode
   bool always_run = false;    ///< cl_run: players run, and walk while they hold SPEED
+  wad::GameFlags flags = {};  ///< those that have no field here are the engine's to read
+  int frag_limit = 0;         ///< of a deathmatch: with so many the map ends; 0: none
+  double gravity = 1.0;       ///< times the map's
+  std::optional<double> air_control = {};  ///< part of a push that counts in the air; else the map's
 };
 
 /// One component of the measurement vector: clip(variable * scale + offset).

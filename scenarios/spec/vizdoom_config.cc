@@ -420,6 +420,21 @@ class ConfigReader {
     Entry entry;
   };
 
+  static uint64_t bits_of(double value) {
+    return static_cast<uint32_t>(static_cast<int64_t>(std::clamp(value, -2147483648.0, 4294967295.0)));
+  }
+  static int tics_of(double seconds) {
+    return static_cast<int>(std::clamp(seconds, 0.0, 36'000.0) * kTicRateHz);
+  }
+  /// Console variables (folded) of windows, sounds, names and cheats: play is the same with any value.
+  static bool shows_only(const std::string& variable) {
+    static constexpr std::string_view kBegins[] = {
+        "VIZAM", "VIZRENDER", "VIZNOCHEAT", "VIZDEBUG", "VIZCONNECT", "VID",      "SND",
+        "NAME",  "COLOR",     "GENDER",     "SKIN",     "FREELOOK",   "SVCHEATS", "FULLSCREEN"};
+    return std::any_of(std::begin(kBegins), std::end(kBegins),
+                       [&](std::string_view begin) { return variable.starts_with(begin); });
+  }
+
   /// Arguments of the engine's command line: switches, and console variables as `+name value`.
   Status read_arguments() {
     GameRules& rules = config_->rules;
@@ -427,21 +442,26 @@ class ConfigReader {
     rules.skill = config_->skill;
     rules.autoaim = rules.free_look = true;
     rules.allow_crouch = rules.allow_jump = true;
+    wad::GameFlags& flags = rules.flags;
     std::optional<int> respawn_tics;
     const std::pair<const char*, std::function<void(double)>> variables[] = {
-        {"sv_noautoaim", [&](double value) { rules.autoaim = value == 0; }},
-        {"sv_nofreelook", [&](double value) { rules.free_look = value == 0; }},
-        {"sv_nojump", [&](double value) { rules.allow_jump = value == 0; }},
-        {"sv_nocrouch", [&](double value) { rules.allow_crouch = value == 0; }},
-        {"sv_allowjump", [&](double value) { rules.allow_jump = value != 0; }},
-        {"sv_infiniteammo", [&](double value) { rules.infinite_ammo = value != 0; }},
+        {"dmflags", [&](double value) { flags.bits = (flags.bits >> 32 << 32) | bits_of(value); }},
+        {"dmflags2", [&](double value) { flags.bits = (flags.bits & 0xffff'ffffu) | bits_of(value) << 32; }},
         {"cl_run", [&](double value) { rules.always_run = value != 0; }},
-        {"sv_forcerespawn", [&](double value) { config_->forced_respawn = value != 0; }},
-        {"viz_respawn_delay",
-         [&](double value) {
-           respawn_tics = static_cast<int32_t>(std::clamp(value, 0.0, 3600.0) * kTicRateHz);
-         }},
+        {"timelimit", [&](double value) { config_->time_limit_tics = tics_of(value * 60); }},
+        {"fraglimit",
+         [&](double value) { rules.frag_limit = static_cast<int>(std::clamp(value, 0.0, 1e6)); }},
+        {"sv_gravity", [&](double value) { rules.gravity = std::clamp(value, 0.0, 80'000.0) / 800; }},
+        {"sv_aircontrol", [&](double value) { rules.air_control = std::clamp(value, 0.0, 100.0); }},
+        {"viz_respawn_delay", [&](double value) { respawn_tics = tics_of(value); }},
         {"skill", [&](double value) { rules.skill = static_cast<int>(std::clamp(value, 0.0, 4.0)) + 1; }},
+    };
+    const auto set_variable = [&](std::string_view name, double value) {
+      for (const auto& [known, set] : variables)
+        if (folded(known) == name) return set(value), true;
+      for (const wad::GameFlagName& known : wad::kGameFlagNames)
+        if (folded(known.variable) == name) return flags.set(known.flag, value != 0), true;
+      return false;
     };
     for (std::size_t i = 0; i < arguments_.size(); ++i) {
       const auto& word = arguments_[i].word;
@@ -451,7 +471,7 @@ class ConfigReader {
         rules.no_monsters = true;
       } else if (name == "DEATHMATCH") {
         rules.deathmatch = true;
-      } else if (name == "HOST" || name == "PORT" || name == "WARP" || name == "JOIN") {
+      } else if (name == "HOST" || name == "PORT" || name == "WARP" || name == "JOIN" || name == "NETMODE") {
         if (i + 1 < arguments_.size() && arguments_[i + 1].word[0] != '-' && arguments_[i + 1].word[0] != '+')
           ++i;  // its value
         if (name != "HOST") {
@@ -472,27 +492,31 @@ class ConfigReader {
                                 (arguments_[i + 1].word.size() > 1 && arguments_[i + 1].word[1] >= '0' &&
                                  arguments_[i + 1].word[1] <= '9'));
         const std::string value_text = has_value ? arguments_[++i].word : "";
-        const auto known =
-            std::find_if(std::begin(variables), std::end(variables), [&](const auto& variable) {
-              return folded(variable.first) == folded(std::string_view(word).substr(1));
-            });
-        if (known == std::end(variables)) {
-          warn(entry, "game_args: " + shown(word) + " is not known and is ignored");
-          continue;
-        }
+        const std::string variable = folded(std::string_view(word).substr(1));
+        if (shows_only(variable)) continue;
         double value = 1;
-        if (has_value) {
-          const auto [end, code] =
-              std::from_chars(value_text.data(), value_text.data() + value_text.size(), value);
-          if (code != std::errc() || end != value_text.data() + value_text.size() || !std::isfinite(value))
-            return error(entry, "game_args: " + shown(word) + " " + shown(value_text) +
-                                    "; its value must be a number");
+        const auto [end, code] =
+            std::from_chars(value_text.data(), value_text.data() + value_text.size(), value);
+        const bool is_number = !has_value || (code == std::errc() && std::isfinite(value) &&
+                                              end == value_text.data() + value_text.size());
+        if (!set_variable(variable, is_number ? value : 0)) {
+          warn(entry, "game_args: " + shown(word) + " is not known and is ignored");
+        } else if (!is_number) {
+          return error(
+              entry, "game_args: " + shown(word) + " " + shown(value_text) + "; its value must be a number");
         }
-        known->second(value);
       } else {
         warn(entry, "game_args: " + shown(word) + " is not known and is ignored");
       }
     }
+    using enum wad::GameFlag;
+    rules.no_monsters |= flags.has(kNoMonsters);
+    rules.infinite_ammo = flags.has(kInfiniteAmmo);
+    rules.autoaim = !flags.has(kNoAutoaim);
+    rules.free_look = !flags.has(kNoFreeLook);
+    rules.allow_jump = !flags.has(kNoJump);
+    rules.allow_crouch = !flags.has(kNoCrouch);
+    config_->forced_respawn = flags.has(kForceRespawn) && !flags.has(kNoRespawn);
     // A network game waits a second unless it is told otherwise, and one tic at least.
     config_->respawn_delay_tics =
         rules.network_game ? std::max(respawn_tics.value_or(kTicRateHz), 1) : respawn_tics.value_or(0);
@@ -526,6 +550,10 @@ Expected<VizdoomConfig> parse_vizdoom_config(std::string_view text, const std::s
   VizdoomConfig config;
   COMRAD_TRY(ConfigReader(path, &config).read(entries));
   config.rules.start_tics = std::max(config.rules.start_tics, 1);
+  if (config.time_limit_tics > 0) {  // counted from the map's start, unlike the timeout
+    const int limit = std::max(config.time_limit_tics - config.rules.start_tics, 1);
+    config.timeout_tics = config.timeout_tics > 0 ? std::min(config.timeout_tics, limit) : limit;
+  }
   return config;
 }
 

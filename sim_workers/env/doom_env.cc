@@ -61,6 +61,7 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   options.no_monsters |= game_->no_monsters;
   options.forced_respawn = game_->spec.respawn;
   options.respawn_delay_tics = game_->spec.respawn_delay_tics;
+  options.exit_takes_a_tic = game_->spec.is_vizdoom;
   reset_world(world_, options);
   for (const auto& [user, value] : game_->globals) world_.set_export(user, value);
   run_start_tics(world_, game_->spec.rules);

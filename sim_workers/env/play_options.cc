@@ -21,6 +21,10 @@ doom::WorldOptions world_options(const scenarios::GameRules& rules) {
   options.network_game = rules.network_game;
   options.always_run = rules.always_run;
   options.start_at_deathmatch_starts = true;
+  options.flags = rules.flags;
+  options.frag_limit = rules.frag_limit;
+  options.gravity = static_cast<doom::Fixed>(rules.gravity * doom::kFracUnit);
+  if (rules.air_control) options.air_control = static_cast<doom::Fixed>(*rules.air_control * doom::kFracUnit);
   return options;
 }
 

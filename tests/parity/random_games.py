@@ -58,6 +58,10 @@ CLASSES = ["Stimpack", "Medikit", "HealthBonus", "Soulsphere", "Megasphere", "Ar
     "ClipBox",
            "Shell", "ShellBox", "RocketAmmo", "RocketBox", "Cell", "CellPack", "Backpack", "RedCard", "BlueSkull", "Berserk",
            "BlurSphere", "InvulnerabilitySphere", "RadSuit", "Infrared"]
+GAME_FLAGS = ["nohealth", "weaponstay", "oldfalldamage", "falldamage", "spawnfarthest", "noarmor", "noexit", "itemrespawn",
+    "fastmonsters", "allowjump", "noweaponspawn", "allowcrouch", "cooploseinventory", "cooplosekeys", "cooploseweapons",
+    "cooplosearmor", "cooplosepowerups", "cooploseammo", "coophalveammo", "weapondrop", "doubleammo", "degeneration",
+    "barrelrespawn", "respawnprotect", "samespawnspot", "norespawn", "infiniteinventory", "killallmonsters", "respawnsuper"]
 FLAGS = ["skill1", "skill2", "skill3", "skill4", "skill5", "single", "coop", "dm", "class1"]
 
 
@@ -68,6 +72,7 @@ class Drawer:
     """Draws one game. Its parts are lists from which any element can be left out."""
 
     def __init__(self, seed):
+        self.seed = seed
         self.r = random.Random("game %d" % seed)
         r = self.r
         self.with_targets = r.random() < 0.6
@@ -114,6 +119,15 @@ class Drawer:
                              ("sv_infiniteammo", (1,)), ("sv_forcerespawn", (1,)), ("cl_run", (1,))):
             if self.some(0.06):
                 self.args.append("+%s %d" % (name, r.choice(values)))
+        # From dice of their own, so that the other parts of a seed's game stay what they were.
+        own = random.Random("flags %d" % self.seed)
+        for name in GAME_FLAGS:
+            if own.random() < 0.03:
+                self.args.append("+sv_%s 1" % name)
+        if own.random() < 0.03:
+            self.args.append("+sv_gravity %d" % own.choice([0, 400, 1600]))
+        if own.random() < 0.03:
+            self.args.append("+sv_aircontrol %s" % own.choice(["1", "0.1"]))
         for name in ("living_reward", "death_penalty", "kill_reward", "secret_reward", "item_reward", "hit_reward",
             "hit_taken_reward",
                      "damage_made_reward", "damage_taken_reward", "health_reward", "armor_reward", "map_exit_reward"):

@@ -348,7 +348,13 @@ void give_inventory(const Caller& caller, Actor* actor, bool everyone, int32_t n
     type = caller.type_named(name);
   }
   if (!type) return;
-  each_owner(caller, actor, everyone, [&](int player) { give_item(caller.world, player, *type, amount); });
+  each_owner(caller, actor, everyone, [&](int player) {
+    Player& owner = player_at(caller.world, player);
+    const uint32_t weapon = owner.pending_weapon;
+    give_item(caller.world, player, *type, amount);
+    // A script changes no weapon of a hand that holds one, not even by a berserk.
+    if (owner.ready_weapon != kNoType) owner.pending_weapon = weapon;
+  });
 }
 
 void take_inventory(const Caller& caller, Actor* actor, bool everyone, int32_t name, int32_t amount) {

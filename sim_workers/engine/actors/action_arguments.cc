@@ -41,6 +41,7 @@ constexpr std::pair<ActionId, std::string_view> kSignatures[] = {
     {ActionId::kSpawnItem, "c"},
     {ActionId::kSpawnItemEx, "c"},
     {ActionId::kDropItem, "c"},
+    {ActionId::kRadiusGive, "cnnnctn"},
     {ActionId::kJump, "nS"},
     {ActionId::kJumpIf, "ns"},
     {ActionId::kJumpIfHealthLower, "ns"},

@@ -24,7 +24,7 @@ namespace comrad::doom {
   X(CustomComboAttack) X(MonsterRail) X(CustomRailgun) X(SpawnItem) X(SpawnItemEx) X(SpawnProjectile) \
   X(DropItem) X(Jump) X(JumpIfHealthLower) X(JumpIfCloser) X(JumpIfTargetInLOS) X(JumpIfInventory) \
   X(JumpIfInTargetInventory) X(JumpIf) X(JumpIfMasterCloser) X(JumpIfTracerCloser) X(CheckSight) \
-  X(CheckFloor) X(CheckCeiling) X(MonsterRefire) X(GiveInventory) X(TakeInventory) X(GiveToTarget) \
+  X(CheckFloor) X(CheckCeiling) X(MonsterRefire) X(GiveInventory) X(TakeInventory) X(GiveToTarget) X(RadiusGive) \
   X(TakeFromTarget) X(SetSpecial) X(ChangeFlag) X(SetArg) X(ACS_Execute) X(ACS_ExecuteAlways) \
   X(ACS_ExecuteWithResult) X(ACS_NamedExecuteAlways) X(ACS_Terminate) X(Thing_Remove) X(CallSpecial) X(FadeIn) \
   X(FadeOut) X(FadeTo) X(SetTranslucent) X(SetScale) X(ScaleVelocity) X(ChangeVelocity) X(SetAngle) \

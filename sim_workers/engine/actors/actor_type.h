@@ -362,6 +362,9 @@ struct ActorType {
   int32_t bounce_count = -1;
   int32_t special = 0;
   std::array<int32_t, 5> args{};
+  bool keeps_args = false;  ///< DECORATE gave them: a map's special and arguments do not replace its own
+  /// A bridge: arguments 0 and 1, where they are not 0, are its radius and height in units. A CustomBridge's are 32 and 4 else.
+  enum class Bridge : uint8_t { kNone, kOfItsType, kCustom } bridge = Bridge::kNone;
   uint32_t blood_type = kNoType;
   uint32_t species = kNoType;  ///< type whose kin do not hurt each other
   std::vector<DropItem> drop_items;

@@ -188,13 +188,13 @@ void add_custom_items(ActorCatalog* catalog) {
   set_flags(&berserk, {kCountItem, kAlwaysPickup});
   add_type(catalog, std::move(berserk),
            "Spawn: PSTR A -1*; gone;"
-           "Pickup: TNT1 A 0 GiveInventory(PowerStrength); A 0 GiveInventory(BerserkHealth,100);"
+           "Pickup: TNT1 A 0 GiveInventory(PowerStrength); A 0 GiveInventory(BerserkHealth);"
            "A 0 SelectWeapon(Fist); gone");
   ActorType megasphere = start_type(*catalog, "CustomInventory", "Megasphere", 83, 132);
   set_flags(&megasphere, {kCountItem, kAlwaysPickup});
   add_type(catalog, std::move(megasphere),
            "Spawn: MEGA ABCD 6*; again;"
-           "Pickup: TNT1 A 0 GiveInventory(BlueArmorForMegasphere); A 0 GiveInventory(MegasphereHealth,200); "
+           "Pickup: TNT1 A 0 GiveInventory(BlueArmorForMegasphere); A 0 GiveInventory(MegasphereHealth); "
            "gone");
 }
 

@@ -100,15 +100,18 @@ void add_markers(ActorCatalog* catalog) {
     const char* name;
     int32_t number, spawn_id;
     int radius, height;
+    ActorType::Bridge kind = ActorType::Bridge::kOfItsType;
   };
   const Bridge bridges[] = {{"InvisibleBridge", 9990, 0, 32, 4},
-                            {"ZBridge", 118, 21, 32, 4},
+                            {"CustomBridge", 9991, 0, 32, 4, ActorType::Bridge::kCustom},
+                            {"ZBridge", 118, 21, 36, 4, ActorType::Bridge::kNone},
                             {"InvisibleBridge32", 5061, 0, 32, 8},
                             {"InvisibleBridge16", 5064, 0, 16, 8},
                             {"InvisibleBridge8", 5065, 0, 8, 8}};
   for (const Bridge& row : bridges) {
     ActorType type = start_type(*catalog, "Actor", row.name, row.number, row.spawn_id);
     type.radius = to_fixed(row.radius), type.height = to_fixed(row.height);
+    type.bridge = row.kind;
     type.render_style = RenderStyle::kNone;
     set_flags(&type, {kSolid, kNoGravity});
     add_type(catalog, std::move(type), "");

@@ -579,7 +579,7 @@ class DecorateParser {
         high.number = value.high;
         arg.value = {Kind::kRandom, value.integer(), high.integer()};
       } else {
-        arg.value = value.decimal ? ActionArg{Kind::kFixed, value.fixed(), 0}
+        arg.value = value.decimal ? ActionArg{Kind::kFixed, value.fixed_cut(), 0}
                                   : ActionArg{Kind::kInteger, value.integer(), 0};
       }
       return arg;

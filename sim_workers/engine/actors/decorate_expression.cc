@@ -265,6 +265,11 @@ Fixed DecorateValue::fixed() const {
   return static_cast<Fixed>(std::clamp(std::floor(number * kFracUnit + 0.5), -2147483647.0, 2147483647.0));
 }
 
+Fixed DecorateValue::fixed_cut() const {
+  if (!std::isfinite(number)) return 0;
+  return static_cast<Fixed>(std::clamp(std::trunc(number * kFracUnit), -2147483647.0, 2147483647.0));
+}
+
 Expected<DecorateValue> read_expression(DecorateLexer* lexer, const DecorateNames& names) {
   return Reader(lexer, names).choice();
 }

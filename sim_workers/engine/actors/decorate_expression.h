@@ -28,7 +28,8 @@ struct DecorateValue {
   int32_t line = 0, column = 0;
 
   int32_t integer() const;  ///< held to what 32 bits can say
-  Fixed fixed() const;
+  Fixed fixed() const;      ///< nearest
+  Fixed fixed_cut() const;  ///< towards 0, as ViZDoom takes arguments of action functions
 };
 
 /// What a word stands for, and what an expression of the running game (health, args[0]) is reported to.

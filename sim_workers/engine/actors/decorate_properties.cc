@@ -351,6 +351,7 @@ const std::unordered_map<std::string_view, Property>& properties() {
         {"args", {[](Values& v) {
            for (std::size_t i = 0; i < std::min<std::size_t>(v.count(), 5); ++i)
              v.type().args[i] = v.integer(i);
+           v.type().keeps_args = true;
          }}},
         {"conversationid", {[](Values& v) { v.type().conversation_id = v.integer(); }}},
         {"spawnid", {[](Values& v) { v.type().spawn_id = v.integer_from(0, 65535); }}},

@@ -171,7 +171,7 @@ struct MapThing {
   int32_t pitch_degrees = 0;
   float alpha = -1.0f;                   ///< below 0: its type's own
   float scale_x = 1.0f, scale_y = 1.0f;  ///< times its type's
-  float health = 1.0f;                   ///< times its type's; below 0: minus so many points
+  int32_t health = 1;                    ///< times its type's; below 0: minus so many points
   Fixed gravity = kFracUnit;             ///< times its type's; below 0: minus that much
   int32_t score = 0;                     ///< of APROP_Score
   std::string arg0_text;                 ///< name of a script, instead of args[0]

@@ -320,7 +320,7 @@ class Loader {
       thing.alpha = float_clamped(from.alpha, -1, 1);
       if (from.scale_x != 0) thing.scale_x = float_clamped(from.scale_x, -1000, 1000);
       if (from.scale_y != 0) thing.scale_y = float_clamped(from.scale_y, -1000, 1000);
-      thing.health = float_clamped(from.health, -1e6, 1e6);
+      thing.health = std::clamp(from.health, -1'000'000, 1'000'000);
       thing.gravity = fixed_from(std::clamp(from.gravity, -100.0, 100.0));
       thing.score = from.score;
       thing.arg0_text = from.arg0_text;

@@ -2,10 +2,12 @@
 // only sounds or draws is empty here. See actors/action_id.h for the list.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <optional>
 #include <string>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/flag_names.h"
 #include "sim_workers/engine/play/actions.h"
 #include "sim_workers/engine/play/damage.h"
@@ -182,7 +184,7 @@ void aim_at(const Actor& target, Fixed x, Fixed y, Fixed z, Fixed feet_z, Fixed 
 /// Alpha in 16.16: sums of it are the same on every machine.
 Fixed alpha_of(const Actor& actor) { return static_cast<Fixed>(actor.alpha * 65536.0f); }
 void set_alpha(Actor& actor, Fixed alpha) {
-  actor.alpha = static_cast<float>(std::clamp(alpha, 0, kFracUnit)) / 65536.0f;
+  actor.alpha = static_cast<float>(std::max(alpha, 0)) / 65536.0f;  // may rise above 1, as in ViZDoom
   if (actor.render_style == RenderStyle::kNormal && alpha < kFracUnit)
     actor.render_style = RenderStyle::kTranslucent;
 }
@@ -217,12 +219,15 @@ void call_special(ActionCall& call, int32_t number) {
   call.succeeded = call.world.events().run_special(call.world, special) != 0;
 }
 
-/// Gives to a player, or heals another actor.
+/// Gives to a player, or heals another actor. Health is given so many times over, armour once, other items that many of.
 bool give(World& world, Actor* taker, uint32_t type, int32_t amount) {
   if (taker == nullptr || type == kNoType) return false;
+  const ActorType& item = world.catalog()[type];
+  const bool heals = item.item_class == ItemClass::kHealth;
+  if (heals) amount = clamped_fixed(int64_t{amount} * item.amount);
+  if (item.item_class == ItemClass::kArmor || item.item_class == ItemClass::kArmorBonus) amount = 1;
   if (taker->player_index >= 0) return give_item(world, taker->player_index, type, amount);
-  return world.catalog()[type].item_class == ItemClass::kHealth &&
-         heal_actor(world, *taker, amount > 0 ? amount : world.catalog()[type].amount) > 0;
+  return heals && heal_actor(world, *taker, amount) > 0;
 }
 bool take(World& world, Actor* owner, uint32_t type, int32_t amount) {
   return owner != nullptr && type != kNoType && owner->player_index >= 0 &&
@@ -610,23 +615,13 @@ void action_Explode(ActionCall& call) {
 
 void action_RadiusThrust(ActionCall& call) {
   constexpr int kAffectSource = 1;
-  World& world = call.world;
   const int32_t force = call.integer(0, 128) != 0 ? call.integer(0, 128) : 128;
-  const int64_t distance = call.integer(1, -1) > 0 ? call.integer(1, -1) : std::abs(int64_t{force});
-  const bool affects_source = (call.integer(2, kAffectSource) & kAffectSource) != 0;
-  for (Actor& actor : world.state().actors) {
-    if (actor.removed || !actor.has(ActorFlag::kShootable) || actor.id == call.self.id || actor.mass <= 0)
-      continue;
-    if (actor.has(ActorFlag::kNoDamageThrust) || actor.has(ActorFlag::kNoRadiusDamage)) continue;
-    if (!affects_source && actor.id == call.self.target_id) continue;
-    const int64_t away =
-        std::max<int64_t>((int64_t{distance_between(call.self, actor)} - actor.radius) >> kFracBits, 0);
-    if (away >= distance || !can_see(world, actor, call.self)) continue;
-    const int64_t strength = force * (distance - away) / distance;
-    const int64_t thrust = strength * (kFracUnit / 2) * 25 / std::max(actor.mass, 1);
-    actor.push(angle_between(call.self, actor),
-               static_cast<Fixed>(std::clamp<int64_t>(thrust, -to_fixed(100), to_fixed(100))));
-  }
+  const int32_t distance = call.integer(1, -1) > 0
+                               ? call.integer(1, -1)
+                               : static_cast<int32_t>(std::min<int64_t>(std::abs(int64_t{force}), 32000));
+  radius_thrust(call.world, call.self, force, to_fixed(std::clamp(distance, 0, 32000)),
+                (call.integer(2, kAffectSource) & kAffectSource) != 0,
+                to_fixed(std::clamp(call.integer(3, 0), 0, 32000)));
 }
 
 void action_Detonate(ActionCall& call) {
@@ -857,6 +852,80 @@ void action_GiveToTarget(ActionCall& call) {
   call.succeeded =
       give(call.world, target_of(call.world, call.self), call.type(0), std::max(call.integer(1, 1), 1));
 }
+/// Item, distance, flags, amount, class, species, least distance: gives to all that the flags name and whose middle is so near.
+void action_RadiusGive(ActionCall& call) {
+  enum Flag : int32_t {
+    kSelf = 1,
+    kPlayers = 2,
+    kMonsters = 4,
+    kObjects = 8,
+    kCorpses = 32,
+    kNoTarget = 64,
+    kNoTracer = 128,
+    kNoMaster = 256,
+    kCube = 512,
+    kNoSight = 1024,
+    kMissiles = 2048,
+    kItems = 8192,
+    kKilled = 16384,
+    kExceptClass = 32768,
+    kExceptSpecies = 65536,
+    kEither = 131072
+  };
+  World& world = call.world;
+  Actor& self = call.self;
+  const Fixed distance = call.fixed(1, 0), least = call.fixed(6, 0);
+  const int32_t flags = call.integer(2, 0);
+  const auto has = [flags](Flag flag) { return (flags & flag) != 0; };
+  const uint32_t item = call.type(0), filter = call.type(4);
+  const std::string_view species = text_of(call, 5);
+  if (distance <= 0 || item == kNoType || call.integer(3, 1) < 0) return;
+  const auto is_kind = [&](const Actor& actor) {
+    const bool monster = actor.has(ActorFlag::kIsMonster);
+    if (actor.player_index >= 0) return actor.health > 0 ? has(kPlayers) : has(kCorpses);
+    if (actor.is_corpse()) return has(kCorpses) || (monster && has(kKilled));
+    if (monster) return actor.health > 0 ? has(kMonsters) : has(kKilled);
+    if (actor.has(ActorFlag::kMissile)) return has(kMissiles);
+    if (world.type_of(actor).item_class != ItemClass::kNone) return has(kItems);
+    return (actor.has(ActorFlag::kShootable) || actor.has(ActorFlag::kTouchy)) && has(kObjects);
+  };
+  const auto passes = [&](const Actor& actor) {
+    const bool by_class = filter == kNoType || (actor.type == filter) != has(kExceptClass);
+    const uint32_t own = world.type_of(actor).species;
+    const bool by_species =
+        species.empty() ||
+        same_ignoring_case(species, world.catalog()[own != kNoType ? own : actor.type].name) !=
+            has(kExceptSpecies);
+    return has(kEither) && filter != kNoType && !species.empty() ? by_class || by_species
+                                                                 : by_class && by_species;
+  };
+  const auto is_near = [&](const Actor& actor) {
+    const double x = std::abs(static_cast<double>(actor.x) - self.x),
+                 y = std::abs(static_cast<double>(actor.y) - self.y),
+                 z = std::abs(static_cast<double>(actor.z) + actor.height / 2 - self.z - self.height / 2);
+    if (has(kCube)) {
+      const double most = std::max({x, y, z});
+      return most <= distance && (least <= 0 || most >= least);
+    }
+    const double away = std::hypot(x, y, z);
+    return away <= distance && (least <= 0 || away >= least);
+  };
+  int32_t count = 0;
+  for (Actor& actor : world.state().actors) {
+    if (actor.removed) continue;
+    if (actor.id == self.id) {
+      if (!has(kSelf)) continue;
+    } else if (!is_kind(actor) || !passes(actor) || !is_near(actor) ||
+               (has(kNoTarget) && actor.id == self.target_id) ||
+               (has(kNoTracer) && actor.id == self.tracer_id) ||
+               (has(kNoMaster) && actor.id == self.master_id) ||
+               (!has(kNoSight) && !can_see(world, actor, self))) {
+      continue;
+    }
+    count += give(world, &actor, item, std::max(call.integer(3, 1), 1));
+  }
+  call.succeeded = count > 0;
+}
 void action_TakeFromTarget(ActionCall& call) {
   call.succeeded =
       take(call.world, target_of(call.world, call.self), call.type(0), std::max(call.integer(1, 0), 0));
@@ -935,11 +1004,20 @@ void action_SetScale(ActionCall& call) {
 
 // ---------------------------------------------------------------- motion
 
+/// A player that an action stopped does not sway on.
+void settle(ActionCall& call) {
+  const Actor& self = call.self;
+  if (self.player_index < 0 || self.velocity_x != 0 || self.velocity_y != 0 || self.velocity_z != 0) return;
+  Player& player = call.world.state().players[static_cast<std::size_t>(self.player_index)];
+  player.walk_x = player.walk_y = 0;
+}
+
 void action_ScaleVelocity(ActionCall& call) {
   const int64_t factor = call.fixed(0, kFracUnit);
   Actor& self = call.self;
   for (Fixed* part : {&self.velocity_x, &self.velocity_y, &self.velocity_z})
     *part = clamped_fixed((*part * factor) >> kFracBits);
+  settle(call);
 }
 void action_ChangeVelocity(ActionCall& call) {
   constexpr int kRelative = 1, kReplace = 2;
@@ -956,6 +1034,7 @@ void action_ChangeVelocity(ActionCall& call) {
   self.velocity_x = clamped_fixed(x + (replaces ? 0 : self.velocity_x));
   self.velocity_y = clamped_fixed(y + (replaces ? 0 : self.velocity_y));
   self.velocity_z = clamped_fixed(z + (replaces ? 0 : self.velocity_z));
+  settle(call);
 }
 void action_SetAngle(ActionCall& call) { call.self.angle = angle_of_degrees(call.fixed(0, 0)); }
 void action_SetPitch(ActionCall& call) { call.self.pitch = angle_of_degrees(call.fixed(0, 0)); }
@@ -972,7 +1051,10 @@ void action_LowGravity(ActionCall& call) {
 void action_SetGravity(ActionCall& call) {
   call.self.gravity = std::clamp(call.fixed(0, kFracUnit), 0, to_fixed(10));
 }
-void action_Stop(ActionCall& call) { call.self.velocity_x = call.self.velocity_y = call.self.velocity_z = 0; }
+void action_Stop(ActionCall& call) {
+  call.self.velocity_x = call.self.velocity_y = call.self.velocity_z = 0;
+  settle(call);
+}
 
 void action_ThrustThing(ActionCall& call) {
   // Angle in 256ths of a turn, force; at most 30 unless the third argument lifts the limit.

@@ -18,7 +18,7 @@ bool set_state(World& world, Actor& actor, uint32_t state_index) {
     const State& state = world.catalog().state(state_index);
     actor.state = state_index;
     actor.tics = state.tics;
-    if (state.fast && world.options().skill >= 5 && actor.tics > 1) actor.tics = (actor.tics + 1) / 2;
+    if (state.fast && world.is_fast() && actor.tics > 1) actor.tics = (actor.tics + 1) / 2;
     if (state.tics > 0 && state.random_tics > 0)
       actor.tics +=
           static_cast<int32_t>(world.state().rng.below(static_cast<uint32_t>(state.random_tics) + 1));

@@ -16,6 +16,7 @@ namespace comrad::doom {
 namespace {
 
 constexpr int32_t kDamageFlashMax = 100;
+constexpr int32_t kCountedDamage = 1000;  // ViZDoom counts no greater one: neither hit nor points
 constexpr int32_t kHoldTargetTics = 100;  // a monster keeps who hurt it last for so long
 constexpr Fixed kThrustMax = to_fixed(200);
 constexpr int32_t kBlastPushMax = 10'000;  // points of damage
@@ -61,6 +62,52 @@ void lift(Actor& target, const Actor& spot, const Actor& source, int64_t points)
   const Fixed above = clamped_fixed(int64_t{target.z} + target.height / 2 - spot.z);
   const Fixed up = fixed_mul(fixed_mul(above, thrust), &target == &source ? kOfOneself : kOfOthers);
   target.velocity_z = clamped_fixed(int64_t{target.velocity_z} + std::clamp(up, -kThrustMax, kThrustMax));
+}
+
+/// Those that a blast may reach.
+struct Victims {
+  std::array<uint32_t, 256> ids;
+  std::size_t count = 0;
+};
+
+Victims shootable_near(const World& world, const Actor& spot, Fixed distance) {
+  const WorldState& state = world.state();
+  const Blockmap& blockmap = world.index().blockmap;
+  const Box reach = Box::around(
+      spot.x, spot.y,
+      static_cast<Fixed>(std::min<int64_t>(int64_t{distance} + state.radius_max, to_fixed(32000))));
+  Victims found;
+  for (int row = blockmap.row_of(reach.bottom); row <= blockmap.row_of(reach.top); ++row) {
+    for (int column = blockmap.column_of(reach.left); column <= blockmap.column_of(reach.right); ++column) {
+      for (int32_t slot = state.cell_heads[static_cast<std::size_t>(row) * blockmap.columns() + column];
+           slot >= 0; slot = state.links[static_cast<std::size_t>(slot)].next) {
+        const Actor& actor = state.actors[static_cast<std::size_t>(slot)];
+        if (actor.has(ActorFlag::kShootable) && found.count < found.ids.size())
+          found.ids[found.count++] = actor.id;
+      }
+    }
+  }
+  return found;
+}
+
+/// Distance of the point from the victim's box, its height included.
+int64_t blast_length(const Actor& victim, const Actor& spot) {
+  const int64_t across =
+      std::max({std::abs(int64_t{victim.x} - spot.x), std::abs(int64_t{victim.y} - spot.y)}) - victim.radius;
+  const int64_t length = std::max<int64_t>(across, 0);
+  const int64_t below = int64_t{victim.z} - spot.z,
+                above = int64_t{spot.z} - (int64_t{victim.z} + victim.height);
+  const int64_t rise = std::max<int64_t>({below, above, 0});
+  if (rise <= 0) return length;
+  const double squared = static_cast<double>(length >> 8) * static_cast<double>(length >> 8) +
+                         static_cast<double>(rise >> 8) * static_cast<double>(rise >> 8);
+  return static_cast<int64_t>(std::sqrt(squared)) << 8;  // exact integers below 2^53: the same everywhere
+}
+
+/// Whole up to `full`, from there on linear to nothing at `distance`.
+int64_t weakened(int64_t whole, int64_t length, Fixed distance, Fixed full) {
+  full = std::clamp<Fixed>(full, 0, distance - 1);
+  return length > full ? whole * (distance - length) / (distance - full) : whole;
 }
 
 /// The monster turns on who hurt it, unless it holds on to somebody else.
@@ -118,9 +165,7 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
       if (player != nullptr && player->has_power(PowerKind::kProtection)) amount /= 4;
       if (amount <= 0) return 0;
     }
-    if (player != nullptr && (player->god_mode || player->has_power(PowerKind::kInvulnerable)) &&
-        amount < 1000)
-      return 0;
+    if (player != nullptr && (player->god_mode || player->has_power(PowerKind::kInvulnerable))) return 0;
   }
 
   if (inflictor != nullptr && (flags & kDamageThrustless) == 0 && type != DamageType::kPoison) {
@@ -134,16 +179,18 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
     return 0;
 
   if (player != nullptr) {
-    if ((flags & kDamageNoArmor) == 0 && !forced)
+    if ((flags & (kDamageNoArmor | kDamageForced)) == 0)
       amount = absorb_damage(world, target.player_index, amount, type);
-    player->damage_taken = add_saturated(player->damage_taken, amount);
+    if (amount <= kCountedDamage) {
+      player->damage_taken = add_saturated(player->damage_taken, amount);
+      ++player->hits_taken;
+    }
     if (source != nullptr) player->attacker_id = source->id;
-    ++player->hits_taken;
     player->damage_flash =
         static_cast<int32_t>(std::min<int64_t>(int64_t{player->damage_flash} + amount, kDamageFlashMax));
     if (amount <= 0) return 0;
   }
-  if (attacker != nullptr && source != &target && type != DamageType::kTelefrag) {
+  if (attacker != nullptr && source != &target && amount <= kCountedDamage) {
     Player& shooter = world.state().players[static_cast<std::size_t>(source->player_index)];
     ++shooter.hits_dealt;
     // Whole, however little health was left: ViZDoom counts it so (basic.wad: 10 or 15 for a target with 1).
@@ -218,6 +265,8 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source, Da
     }
     target.set(ActorFlag::kSolid, false);
     world.unlink(target);
+    if (world.has(wad::GameFlag::kDropWeapons) && (world.is_multiplayer() || world.options().deathmatch))
+      drop_item(world, target, player->ready_weapon, -1, 255);
     drop_weapon(world, target.player_index);
   } else if (target.has(ActorFlag::kIsMonster)) {
     state.corpse_ids.push_back(target.id);
@@ -244,57 +293,43 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source, Da
 void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fixed distance, DamageType type,
                    bool hurts_source, Fixed full_damage_distance) {
   if (distance <= 0 || damage <= 0) return;
-  WorldState& state = world.state();
-  const Blockmap& blockmap = world.index().blockmap;
-  const Box reach = Box::around(
-      spot.x, spot.y,
-      static_cast<Fixed>(std::min<int64_t>(int64_t{distance} + state.radius_max, to_fixed(32000))));
-  std::array<uint32_t, 256> victims;
-  std::size_t count = 0;
-  for (int row = blockmap.row_of(reach.bottom); row <= blockmap.row_of(reach.top); ++row) {
-    for (int column = blockmap.column_of(reach.left); column <= blockmap.column_of(reach.right); ++column) {
-      for (int32_t slot = state.cell_heads[static_cast<std::size_t>(row) * blockmap.columns() + column];
-           slot >= 0; slot = state.links[static_cast<std::size_t>(slot)].next) {
-        const Actor& actor = state.actors[static_cast<std::size_t>(slot)];
-        if (actor.has(ActorFlag::kShootable) && count < victims.size()) victims[count++] = actor.id;
-      }
-    }
-  }
+  const Victims victims = shootable_near(world, spot, distance);
   const uint32_t spot_id = spot.id;
-  for (std::size_t i = 0; i < count; ++i) {
-    Actor* victim = world.actor(victims[i]);
+  for (std::size_t i = 0; i < victims.count; ++i) {
+    Actor* victim = world.actor(victims.ids[i]);
     if (victim == nullptr || !victim->has(ActorFlag::kShootable)) continue;
     if (victim->has(ActorFlag::kNoRadiusDamage) && !spot.has(ActorFlag::kForceRadiusDamage)) continue;
     if (!hurts_source && source != nullptr && victim->id == source->id) continue;
-    // Distance of the point from the victim's box, its height included.
-    const int64_t across =
-        std::max({std::abs(int64_t{victim->x} - spot.x), std::abs(int64_t{victim->y} - spot.y)}) -
-        victim->radius;
-    int64_t length = std::max<int64_t>(across, 0);
-    const int64_t below = int64_t{victim->z} - spot.z,
-                  above = int64_t{spot.z} - (int64_t{victim->z} + victim->height);
-    const int64_t rise = std::max<int64_t>({below, above, 0});
-    if (rise > 0) {
-      const double squared = static_cast<double>(length >> 8) * static_cast<double>(length >> 8) +
-                             static_cast<double>(rise >> 8) * static_cast<double>(rise >> 8);
-      auto root = static_cast<int64_t>(std::sqrt(squared));  // exact integers below 2^53: the same everywhere
-      length = root << 8;
-    }
-    if (length >= distance) continue;
-    if (!can_see(world, *victim, spot)) continue;
-    const int64_t full = std::clamp<Fixed>(full_damage_distance, 0, distance - 1);
-    // Linear from `full` to `distance`.
-    const auto at_distance = [&](int64_t whole) {
-      return length > full ? whole * (distance - length) / (distance - full) : whole;
-    };
-    const auto points = static_cast<int32_t>(at_distance(damage));
-    const int64_t push = at_distance(int64_t{std::min(damage, kBlastPushMax)} * kBlastPoint);
+    const int64_t length = blast_length(*victim, spot);
+    if (length >= distance || !can_see(world, *victim, spot)) continue;
+    const auto points = static_cast<int32_t>(weakened(damage, length, distance, full_damage_distance));
+    const int64_t push = weakened(int64_t{std::min(damage, kBlastPushMax)} * kBlastPoint, length, distance,
+                                  full_damage_distance);
     const uint32_t victim_id = victim->id;
     if (points > 0) damage_actor(world, *victim, &spot, source, points, type);
     if (world.actor(spot_id) == nullptr) return;
     victim = world.actor(victim_id);
     if (source != nullptr && victim != nullptr)
       lift(*victim, spot, *source, push << (kFracBits - kBlastPointBits));
+  }
+}
+
+void radius_thrust(World& world, const Actor& spot, int32_t force, Fixed distance, bool affects_source,
+                   Fixed full_distance) {
+  if (distance <= 0) return;
+  const Victims victims = shootable_near(world, spot, distance);
+  for (std::size_t i = 0; i < victims.count; ++i) {
+    Actor* victim = world.actor(victims.ids[i]);
+    if (victim == nullptr || victim->mass <= 0 || victim->has(ActorFlag::kDontThrust)) continue;
+    if (victim->has(ActorFlag::kNoRadiusDamage) && !spot.has(ActorFlag::kForceRadiusDamage)) continue;
+    if (!affects_source && (victim->id == spot.id || victim->id == spot.target_id)) continue;
+    const int64_t length = blast_length(*victim, spot);
+    if (length >= distance || !can_see(world, *victim, spot)) continue;
+    const int64_t push = weakened(int64_t{std::clamp(force, -kBlastPushMax, kBlastPushMax)} * kBlastPoint,
+                                  length, distance, full_distance);
+    const int64_t thrust = push * (1 << (kFracBits - kBlastPointBits)) / 2 / victim->mass;
+    victim->push(angle_to(spot.x, spot.y, victim->x, victim->y),
+                 static_cast<Fixed>(std::clamp<int64_t>(thrust, -kThrustMax, kThrustMax)));
   }
 }
 
@@ -308,7 +343,9 @@ void damage_player(World& world, int player_index, int32_t amount) {
 int32_t heal_actor(World& world, Actor& actor, int32_t amount, int32_t limit) {
   if (actor.health <= 0 || amount <= 0) return 0;
   Player* player = world.player_of(actor);
-  const int32_t most = limit > 0 ? limit : world.type_of(actor).health;
+  const int32_t most = limit > 0           ? limit
+                       : player != nullptr ? world.type_of(actor).health
+                                           : actor.start_health;
   if (actor.health >= most) return 0;
   const int32_t gained = std::min(amount, most - actor.health);
   actor.health += gained;

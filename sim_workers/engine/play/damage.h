@@ -36,6 +36,11 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source,
 void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fixed distance, DamageType type,
                    bool hurts_source = true, Fixed full_damage_distance = 0);
 
+/// The push of a splash without its damage: `force` less the distance of the boxes, halved, for each pound; no lift.
+/// `affects_source`: `spot` itself and its target, too.
+void radius_thrust(World& world, const Actor& spot, int32_t force, Fixed distance, bool affects_source,
+                   Fixed full_distance = 0);
+
 /// Heals up to `limit` (0: the type's own health). Returns what was gained.
 int32_t heal_actor(World& world, Actor& actor, int32_t amount, int32_t limit = 0);
 

@@ -46,7 +46,8 @@ int32_t added(int32_t amount, int32_t more, int32_t limit) {
 }
 
 int32_t with_skill_factor(const World& world, int32_t amount, bool exact) {
-  const bool doubles = !exact && (world.options().skill <= 1 || world.options().skill >= 5);
+  const bool doubles = !exact && (world.options().skill <= 1 || world.options().skill >= 5 ||
+                                  world.has(wad::GameFlag::kDoubleAmmo));
   return doubles ? static_cast<int32_t>(std::min<int64_t>(int64_t{amount} * 2, kAmountMax)) : amount;
 }
 
@@ -361,6 +362,7 @@ bool is_of_the_map(const World& world, const Actor& item) {
 /// Out of sight and reach for half a minute.
 void hide_item(Actor& item) {
   item.set(ActorFlag::kSpecial, false);
+  item.set(ActorFlag::kNoGravity);
   item.render_style = RenderStyle::kNone;
   item.state = kNoState;
   item.tics = kItemReturnTics;
@@ -373,9 +375,11 @@ bool within_reach(const Actor& body, const Actor& item) {
 }
 
 bool stays_for_others(const World& world, const Actor& item) {
-  if (!world.is_multiplayer() && !world.options().deathmatch) return false;
   const ItemClass kind = world.type_of(item).item_class;
-  return (kind == ItemClass::kWeapon || kind == ItemClass::kKey) && is_of_the_map(world, item);
+  const bool stays = kind == ItemClass::kWeapon
+                         ? world.is_multiplayer() || world.has(wad::GameFlag::kWeaponsStay)
+                         : kind == ItemClass::kKey && world.is_multiplayer();
+  return stays && is_of_the_map(world, item);
 }
 
 bool touch_item(World& world, Actor& body, Actor& item) {
@@ -410,7 +414,9 @@ bool touch_item(World& world, Actor& body, Actor& item) {
   }
   // The special is an item's message to scripts. It may move and remove things: the item leaves first.
   if (!stays) {
-    if (world.options().deathmatch && is_of_the_map(world, item))
+    const bool returns = world.has(wad::GameFlag::kItemsReturn) &&
+                         (!type.flags.has(ActorFlag::kBigPowerup) || world.has(wad::GameFlag::kPowersReturn));
+    if (returns && is_of_the_map(world, item))
       hide_item(item);
     else
       world.remove(item.id);
@@ -423,6 +429,7 @@ void return_item(World& world, Actor& item) {
   const ActorType& type = world.type_of(item);
   if (!type.flags.has(ActorFlag::kSpecial) || item.has(ActorFlag::kSpecial) || item.tics != 0) return;
   item.set(ActorFlag::kSpecial);
+  item.set(ActorFlag::kNoGravity, type.flags.has(ActorFlag::kNoGravity));
   item.render_style = type.render_style;
   const Fixed x = item.x, y = item.y, z = item.z;
   set_label(world, item, StateLabel::kSpawn);
@@ -509,6 +516,11 @@ void clear_inventory(World& world, int player_index) {
   if (player_index < 0 || player_index >= world.player_count()) return;
   Player& player = player_at(world, player_index);
   const ActorCatalog& catalog = world.catalog();
+  const bool had_others =
+      std::any_of(player.inventory.begin(), player.inventory.end(), [&](const auto& item) {
+        return item.type != player.ready_weapon && item.amount > 0 &&
+               catalog[item.type].item_class == ItemClass::kWeapon;
+      });
   // Ammunition stays as an entry of none, so that its limit is kept; a backpack's room goes with it.
   std::erase_if(player.inventory, [&](const InventoryItem& item) {
     const ActorType& info = catalog[item.type];
@@ -527,10 +539,8 @@ void clear_inventory(World& world, int player_index) {
     player.powers.pop_back();
     end_power(world, player, kind);
   }
-  // The hand is empty at once.
-  player.ready_weapon = player.pending_weapon = kNoType;
-  player.refire = 0;
-  for (int layer = 0; layer < 2; ++layer) set_weapon_state(world, player_index, layer, kNoState);
+  player.pending_weapon = kNoType;
+  empty_hand(world, player_index, had_others);
 }
 
 void give_start_items(World& world, int player_index) {
@@ -552,6 +562,35 @@ void give_start_items(World& world, int player_index) {
       if (const std::optional<uint32_t> type = world.catalog().find(key))
         give(world, player_index, *type, {.amount = 1, .exact = true});
   player.ready_weapon = kNoType;
+  player.pending_weapon = best_weapon(world, player_index);
+}
+
+void give_kept_items(World& world, int player_index, const Player& before) {
+  using enum wad::GameFlag;
+  Player& player = player_at(world, player_index);
+  const Actor* body = world.actor(player.actor_id);
+  if (body == nullptr) return;
+  const std::vector<DropItem>& start_items = world.type_of(*body).start_items;
+  const auto start_amount = [&](uint32_t type) {
+    for (const DropItem& start : start_items)
+      if (start.type == type) return std::max(start.amount, 1);
+    return 0;
+  };
+  player.inventory.reserve(kInventoryReserve);
+  player.powers.reserve(static_cast<std::size_t>(PowerKind::kCount));
+  player.has_backpack = before.has_backpack;
+  if (!world.has(kLoseArmor))
+    player.armor = before.armor, player.armor_save = before.armor_save, player.armor_type = before.armor_type;
+  for (InventoryItem item : before.inventory) {
+    const ItemClass kind = world.catalog()[item.type].item_class;
+    if (kind == ItemClass::kKey && world.has(kLoseKeys)) continue;
+    if (kind == ItemClass::kWeapon && world.has(kLoseWeapons) && start_amount(item.type) == 0) continue;
+    if (kind == ItemClass::kAmmo) {
+      if (world.has(kLoseAmmo)) item.amount = start_amount(item.type);
+      if (world.has(kHalveAmmo)) item.amount = std::max(item.amount / 2, start_amount(item.type));
+    }
+    player.inventory.push_back(item);
+  }
   player.pending_weapon = best_weapon(world, player_index);
 }
 
@@ -592,12 +631,12 @@ void tic_powers(World& world, int player_index) {
 int32_t absorb_damage(World& world, int player_index, int32_t damage, DamageType type) {
   Player& player = player_at(world, player_index);
   if (damage <= 0) return damage;
-  if (type == DamageType::kDrowning || player.armor <= 0) return damage;
+  if (type == DamageType::kDrowning || type == DamageType::kInstantDeath || player.armor <= 0) return damage;
   const auto part = static_cast<int32_t>((int64_t{damage} * player.armor_save) >> kFracBits);
   const int32_t saved = std::clamp(part, 0, player.armor);
   player.armor -= saved;
   if (player.armor == 0) player.armor_save = 0, player.armor_type = kNoType;
-  return damage - saved;
+  return damage >= kTelefragDamage ? damage : damage - saved;
 }
 
 bool use_item(World& world, int player_index, uint32_t type) {
@@ -627,6 +666,7 @@ bool use_item(World& world, int player_index, uint32_t type) {
   }
   if (!used) return false;
   item = find_item(player, type);
+  if (world.has(wad::GameFlag::kInfiniteInventory)) return true;
   if (item != nullptr && --item->amount <= 0 && !info.flags.has(ActorFlag::kKeepDepleted))
     remove_entry(player, type);
   return true;

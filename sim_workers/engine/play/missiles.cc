@@ -95,15 +95,15 @@ Actor* spawn_missile(World& world, Actor& source, Actor& target, uint32_t type) 
 Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angle, Fixed x_offset,
                             Fixed y_offset, Fixed z_offset) {
   if (type == kNoType) return nullptr;
-  constexpr Fixed kAimRange = to_fixed(16 * 64);
+  constexpr Fixed kMissileAimRange = to_fixed(16 * 64);
   constexpr Angle kAimStep = 1u << 26;  // 5.6 degrees
   // Whoever looks freely and does without auto-aim hits what it points at. For all others a missile turns to
   // where the target was found, without auto-aim as well (measured).
   const bool exact = world.options().free_look && !world.options().autoaim;
-  Aim aim = aim_line(world, body, angle, kAimRange);
+  Aim aim = aim_line(world, body, angle, kMissileAimRange);
   if (aim.target == nullptr && !exact) {
     for (const Angle turned : {angle + kAimStep, angle - kAimStep}) {
-      const Aim beside = aim_line(world, body, turned, kAimRange);
+      const Aim beside = aim_line(world, body, turned, kMissileAimRange);
       if (beside.target == nullptr) continue;
       aim = beside;
       angle = turned;

@@ -461,7 +461,9 @@ void action_KeenDie(ActionCall& call) {
                                   {.number = Special::kDoor_Open, .args = {tag != 0 ? tag : 666, 16}});
 }
 
-void action_BarrelDestroy(ActionCall& call) { call.world.remove(call.self.id); }
+void action_BarrelDestroy(ActionCall& call) {
+  if (!call.world.has(wad::GameFlag::kBarrelsReturn)) call.world.remove(call.self.id);
+}
 
 // ---------------------------------------------------------------- boss brain
 

@@ -341,7 +341,7 @@ bool is_friend(const Actor& one, const Actor& other) {
 }
 
 bool is_fast(const World& world, const Actor& monster) {
-  return world.options().skill >= 5 || monster.has(ActorFlag::kAlwaysFast);
+  return world.is_fast() || monster.has(ActorFlag::kAlwaysFast);
 }
 
 bool may_turn_against(World& world, Actor& monster, const Actor& other) {

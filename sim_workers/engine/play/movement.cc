@@ -34,6 +34,29 @@ bool is_polyobject_line(const WorldState& state, uint32_t line) {
   return false;
 }
 
+/// ZDoom's, Hexen's and, with both flags, Strife's damage of a fall, as ViZDoom plays them.
+void hurt_by_landing(World& world, Actor& body) {
+  const bool old = world.has(wad::GameFlag::kOldFallDamage), hexen = world.has(wad::GameFlag::kFallDamage);
+  if (!old && !hexen) return;
+  constexpr Fixed kOldFrom = to_fixed(19), kStrifeFrom = to_fixed(20), kHexenFrom = to_fixed(23);
+  constexpr Fixed kHexenMayKillFrom = to_fixed(39), kHexenKillsFrom = to_fixed(63);
+  const Fixed speed = -body.velocity_z;
+  int32_t amount = 0;
+  if (old && hexen) {
+    if (speed > kStrifeFrom) amount = speed / 25'000;
+  } else if (old) {
+    if (speed > kOldFrom)
+      amount = (fixed_mul(speed, fixed_mul(speed, to_fixed(11) / 128)) - to_fixed(30)) >> (kFracBits + 1);
+  } else if (speed >= kHexenKillsFrom) {
+    amount = kTelefragDamage;
+  } else if (speed > kHexenFrom) {
+    const Fixed scaled = fixed_mul(speed, to_fixed(16) / 23);
+    amount = ((fixed_mul(scaled, scaled) / 10) >> kFracBits) - 24;
+    if (speed < kHexenMayKillFrom && amount > body.health && body.health != 1) amount = body.health - 1;
+  }
+  if (amount > 0) damage_actor(world, body, nullptr, nullptr, amount);
+}
+
 /// A player that steers much in the air is slowed there too. Measured in ViZDoom 1.3.2 with SetAirControl of 0.01 to 2.0: what is
 /// left of its velocity after a tic is 1.0004 - 0.0941 x air control.
 void slow_in_air(Player& player, Actor& body, Fixed air_control) {
@@ -202,7 +225,7 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
           }
           continue;
         }
-        if (!body_solid || !other.has(ActorFlag::kSolid) || other.is_corpse()) continue;
+        if (!body_solid || !other.has(ActorFlag::kSolid)) continue;
         // A player steps up onto what is no higher than a stair.
         const bool steps_up = touch && body.player_index >= 0 &&
                               int64_t{other.top()} - body.z <= world_.type_of(body).max_step_height;
@@ -604,6 +627,7 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
       const bool hard = body.velocity_z < kHardLanding;
       if (player->jump_tics < 0 || hard) player->jump_tics = kJumpDelayTics;
       if (hard) player->view_height_delta = body.velocity_z >> 3;
+      hurt_by_landing(world_, body);
     }
     body.z = body.floor_z;
     if (body.has(ActorFlag::kSkullFly)) {

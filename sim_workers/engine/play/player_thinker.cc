@@ -14,7 +14,8 @@ namespace comrad::doom {
 namespace {
 
 // Turning, in 65536ths of a turn per tic. The slow start lasts kSlowTurnTics, whatever the direction.
-constexpr int32_t kFieldOfViewStep = 7;  // degrees a tic
+constexpr uint64_t kHealthFallsEveryTics = 35;  // of sv_degeneration
+constexpr int32_t kFieldOfViewStep = 7;         // degrees a tic
 constexpr int32_t kTurnSlow = 320, kTurnWalk = 640, kTurnRun = 1280;
 constexpr int kSlowTurnTics = 5;
 // Pushes, in 1/32 unit per tic^2.
@@ -33,6 +34,12 @@ constexpr Fixed kBobFactor = kFracUnit / 4;
 constexpr uint64_t kBobTics = 20;
 constexpr Fixed kEyeHeightDead = to_fixed(6);
 constexpr Fixed kEyeRise = kFracUnit / 4;
+
+/// One point of what is above a full body's; the last four at once, as in ViZDoom.
+void lose_surplus_health(const World& world, Player& player, Actor& body) {
+  const int32_t full = world.type_of(body).health;
+  if (body.health > full) player.health = body.health = body.health < full + 5 ? full : body.health - 1;
+}
 
 }  // namespace
 
@@ -119,6 +126,7 @@ void PlayerThinker::crouch(Player& player, Actor& body, const Buttons& buttons) 
   body.height = fixed_mul(full_height, wanted);
   player.crouch_factor = wanted;
   player.view_height = eye_height(player);
+  if (ducks) Movement(world_).could_step_to(world_.slot_of(body), body.x, body.y);  // takes what lies there
 }
 
 Fixed PlayerThinker::eye_height(const Player& player) {
@@ -257,6 +265,8 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
   }
   move_eye(player, *body);
   tic_powers(world_, player_index);
+  if (world_.has(wad::GameFlag::kDegeneration) && world_.tic_count() % kHealthFallsEveryTics == 0)
+    lose_surplus_health(world_, player, *body);
   if (!player.totally_frozen) {
     choose_weapon(world_, player_index, buttons);
     if (buttons.use && !player.use_down) use_lines(world_, *body);

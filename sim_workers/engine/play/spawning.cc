@@ -1,12 +1,13 @@
 #include "sim_workers/engine/play/spawning.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
@@ -16,7 +17,33 @@
 namespace comrad::doom {
 namespace {
 
-void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle) {
+constexpr int32_t kProtectionTics = 105;  // 3 s of a fresh body that nothing hurts
+
+std::vector<const MapThing*> deathmatch_starts_of(const World& world) {
+  std::vector<const MapThing*> starts;
+  for (const MapThing& thing : world.level().things)
+    if (thing.editor_number == kDeathmatchStart) starts.push_back(&thing);
+  return starts;
+}
+
+/// The one that is farthest from the nearest of the other players who are alive; the first, where there is none.
+std::size_t farthest_start(const World& world, int index, const std::vector<const MapThing*>& starts) {
+  const auto room = [&](const MapThing& start) {
+    Fixed nearest = INT32_MAX;
+    for (int other = 0; other < world.player_count(); ++other)
+      if (const Actor* body = world.find_actor(world.player(other).actor_id);
+          other != index && body != nullptr && world.player(other).alive)
+        nearest = std::min(nearest, approximate_distance(start.x - body->x, start.y - body->y));
+    return nearest;
+  };
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < starts.size(); ++i)
+    if (room(*starts[i]) > room(*starts[best])) best = i;
+  return best;
+}
+
+/// `before`: what it was when it died, where it keeps what it had then.
+void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle, const Player* before = nullptr) {
   Player& player = world.state().players[static_cast<std::size_t>(index)];
   Actor& body = *world.actor(player.actor_id);
   body.player_index = index;
@@ -37,23 +64,89 @@ void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle) {
   player.attack_z_offset = type.attack_z_offset;
   player.view_height = player.eye_height;
   player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
-  give_start_items(world, index);
+  if (before != nullptr) {
+    give_kept_items(world, index, *before);
+  } else {
+    give_start_items(world, index);
+  }
+  if (world.is_multiplayer() && world.has(wad::GameFlag::kRespawnProtection))
+    player.powers.push_back(
+        {PowerKind::kInvulnerable, kNoType, kProtectionTics - (player.respawn_count > 0 ? 1 : 0)});
   // A trigger held since before the weapon is up does not fire NOAUTOFIRE ones.
   player.weapon_permissions |= kTriggerHeld;
   raise_weapon(world, index);
+}
+
+struct StartPlace {
+  Fixed x = 0, y = 0;
+  Angle angle = 0;
+};
+
+/// Where one that died comes back: its start, one of a deathmatch's, or where it died.
+StartPlace respawn_place(World& world, int index, const Actor& corpse) {
+  using enum wad::GameFlag;
+  if (world.options().deathmatch) {
+    const std::vector<const MapThing*> starts = deathmatch_starts_of(world);
+    if (starts.size() > 1) {
+      const MapThing& start =
+          *starts[world.has(kSpawnFarthest) ? farthest_start(world, index, starts)
+                                            : world.state().rng.below(static_cast<uint32_t>(starts.size()))];
+      return {start.x, start.y, degrees_to_angle(start.angle_degrees)};
+    }
+  } else if (world.has(kRespawnWhereDied) && world.options().network_game) {
+    return {corpse.x, corpse.y, corpse.angle};
+  }
+  return {corpse.spawn_x, corpse.spawn_y, corpse.spawn_angle};
+}
+
+/// The same player in a new body: its counts, and nothing in its hands.
+Player reborn(const Player& before, uint32_t body_id) {
+  Player fresh;
+  fresh.actor_id = body_id;
+  fresh.damage_taken = before.damage_taken, fresh.damage_dealt = before.damage_dealt;
+  fresh.hits_taken = before.hits_taken, fresh.hits_dealt = before.hits_dealt;
+  fresh.pickup_count = before.pickup_count, fresh.item_count = before.item_count;
+  fresh.secret_count = before.secret_count, fresh.frag_count = before.frag_count;
+  fresh.death_count = before.death_count;
+  fresh.respawn_count = before.respawn_count + 1;
+  fresh.buttons = before.buttons;
+  fresh.attack_down = fresh.use_down = true;  // a key that is still held does nothing yet
+  return fresh;
+}
+
+/// By the game's flags; and in a deathmatch players have all keys.
+bool is_left_out(const World& world, const MapThing& thing, const ActorType& type) {
+  using enum wad::GameFlag;
+  const ItemClass kind = type.item_class;
+  if (!world.options().deathmatch)
+    return kind == ItemClass::kWeapon && (thing.flags & kThingSingle) == 0 && world.is_multiplayer() &&
+           world.has(kNoCooperativeWeapons);
+  const auto is_a = [&](std::string_view name) { return same_ignoring_case(type.name, name); };
+  const bool heals = kind == ItemClass::kHealth || kind == ItemClass::kMaxHealth || is_a("Berserk"),
+             armors = kind == ItemClass::kArmor || kind == ItemClass::kArmorBonus;
+  return kind == ItemClass::kKey || (world.has(kNoHealth) && (heals || is_a("Megasphere"))) ||
+         (world.has(kNoArmor) && (armors || is_a("Megasphere")));
 }
 
 float scaled(float own, float by) { return std::clamp(own * by, -1000.0f, 1000.0f); }
 
 /// What the map says of a thing besides its place and type.
 void apply_thing_fields(World& world, const MapThing& thing, Actor& actor) {
-  actor.special = thing.special, actor.args = thing.args;
-  if (!thing.arg0_text.empty()) actor.args[0] = world.events().script_number(world, thing.arg0_text);
+  if (!world.type_of(actor).keeps_args) {
+    actor.special = thing.special, actor.args = thing.args;
+    world.size_bridge(actor);
+  }
+  if (!thing.arg0_text.empty() && !world.type_of(actor).keeps_args)
+    actor.args[0] = world.events().script_number(world, thing.arg0_text);
   const auto is = [&](ThingFlag flag) { return (thing.flags & flag) != 0; };
   if (is(kThingAmbush)) actor.set(ActorFlag::kAmbush);
   if (is(kThingDormant) && actor.has(ActorFlag::kIsMonster)) actor.set(ActorFlag::kDormant);
   if (is(kThingStanding)) actor.set(ActorFlag::kStandStill);
-  if (is(kThingFriend)) actor.set(ActorFlag::kFriendly);
+  if (is(kThingFriend)) {
+    // One that is a friend already is taken from the monsters all the same, as in ViZDoom.
+    if (actor.has(ActorFlag::kFriendly) && actor.has(ActorFlag::kCountKill)) --world.state().monster_count;
+    actor.set(ActorFlag::kFriendly);
+  }
   if (is(kThingCountSecret)) actor.set(ActorFlag::kCountSecret);
   if (is(kThingShadow)) actor.render_style = RenderStyle::kTranslucent, actor.alpha = 0.25f;
   if (is(kThingInvisible)) actor.render_style = RenderStyle::kNone;
@@ -61,11 +154,9 @@ void apply_thing_fields(World& world, const MapThing& thing, Actor& actor) {
   actor.scale_x = scaled(actor.scale_x, thing.scale_x), actor.scale_y = scaled(actor.scale_y, thing.scale_y);
   actor.pitch = degrees_to_angle(thing.pitch_degrees);
   actor.score = thing.score;
-  // A part of a whole counts as none, as in ViZDoom.
-  const double factor = std::trunc(double{thing.health}) == thing.health ? thing.health : 0.0;
-  const double health = factor < 0 ? -factor : factor * actor.health;
-  if (thing.health != 1.0f)
-    actor.health = actor.start_health = static_cast<int32_t>(std::clamp(health, 0.0, 1e6));
+  const int64_t health = thing.health < 0 ? -int64_t{thing.health} : int64_t{thing.health} * actor.health;
+  if (thing.health != 1)
+    actor.health = actor.start_health = static_cast<int32_t>(std::min<int64_t>(health, 1'000'000));
   actor.gravity = thing.gravity < 0 ? -thing.gravity : fixed_mul(thing.gravity, actor.gravity);
 }
 
@@ -76,8 +167,7 @@ void spawn_players(World& world) {
   COMRAD_CHECK(type != kNoType, "the catalog has a player");
   std::vector<const MapThing*> deathmatch_starts;
   if (world.options().start_at_deathmatch_starts || world.options().deathmatch)
-    for (const MapThing& thing : world.level().things)
-      if (thing.editor_number == kDeathmatchStart) deathmatch_starts.push_back(&thing);
+    deathmatch_starts = deathmatch_starts_of(world);
   for (int index = 0; index < world.player_count(); ++index) {
     const MapThing* start = nullptr;
     const bool wants_own = !world.options().deathmatch || deathmatch_starts.empty();
@@ -85,10 +175,11 @@ void spawn_players(World& world) {
       if (wants_own && player_of_start(thing.editor_number) == index)
         start = &thing;  // the last of a number counts, as in Doom
     if (start == nullptr && !deathmatch_starts.empty()) {
-      // Who plays alone takes the first; of several each draws one of those that nobody has.
+      // One who plays alone takes the first; of several each draws one of those that are free.
       const std::size_t drawn =
-          world.player_count() == 1
-              ? 0
+          world.player_count() == 1 ? 0
+          : world.has(wad::GameFlag::kSpawnFarthest)
+              ? farthest_start(world, index, deathmatch_starts)
               : world.state().rng.below(static_cast<uint32_t>(deathmatch_starts.size()));
       start = deathmatch_starts[drawn];
       if (deathmatch_starts.size() > 1)
@@ -108,29 +199,24 @@ bool respawn_player(World& world, int index) {
   Player& player = world.state().players[static_cast<std::size_t>(index)];
   Actor* corpse = world.actor(player.actor_id);
   if (corpse == nullptr) return false;
-  const Fixed x = corpse->spawn_x, y = corpse->spawn_y;
-  const Angle angle = corpse->spawn_angle;
-  const uint32_t type = corpse->type;
-  const std::size_t slot = world.append_actor(
-      type, x, y, world.state().sectors[world.sector_at(x, y)].floor_height, angle, corpse->thing_id);
+  const auto [x, y, angle] = respawn_place(world, index, *corpse);
+  const bool is_network = world.options().network_game;
+  const std::size_t slot =
+      world.append_actor(corpse->type, x, y, world.state().sectors[world.sector_at(x, y)].floor_height, angle,
+                         is_network ? 0 : corpse->thing_id);
   Actor& body = world.state().actors[slot];
   if (!Movement(world).check_position(slot, x, y, false).fits) {
     world.remove_slot(slot);
     return false;
   }
   corpse->player_index = -1;
-  Player fresh;
-  fresh.actor_id = body.id;
-  fresh.damage_taken = player.damage_taken, fresh.damage_dealt = player.damage_dealt;
-  fresh.hits_taken = player.hits_taken, fresh.hits_dealt = player.hits_dealt;
-  fresh.pickup_count = player.pickup_count, fresh.item_count = player.item_count;
-  fresh.secret_count = player.secret_count, fresh.frag_count = player.frag_count;
-  fresh.death_count = player.death_count;
-  fresh.respawn_count = player.respawn_count + 1;
-  fresh.buttons = player.buttons;
-  fresh.attack_down = fresh.use_down = true;  // a key that is still held does nothing yet
-  player = std::move(fresh);
-  spawn_player(world, index, x, y, angle);
+  // The dead one's scripts go on with the new body, as in ViZDoom's network games.
+  if (is_network)
+    for (acs::Thread& thread : world.state().scripts.threads)
+      if (thread.activator_id == corpse->id) thread.activator_id = body.id;
+  const bool keeps = is_network && !world.options().deathmatch && !world.has(wad::GameFlag::kLoseInventory);
+  const Player before = std::exchange(player, reborn(player, body.id));
+  spawn_player(world, index, x, y, angle, keeps ? &before : nullptr);
   if (world.catalog().known().teleport_fog != kNoType) {
     const Fixed ahead_x = x + 20 * fine_cosine(angle), ahead_y = y + 20 * fine_sine(angle);
     world.spawn_unchecked(world.catalog().known().teleport_fog, ahead_x, ahead_y, body.z);
@@ -152,7 +238,7 @@ void spawn_map_things(World& world) {
     const uint32_t type_index = world.catalog().replacement(*found);
     const ActorType& type = world.catalog()[type_index];
     if (world.options().no_monsters && type.flags.has(ActorFlag::kIsMonster)) continue;
-    if (world.options().deathmatch && type.item_class == ItemClass::kKey) continue;  // players have all
+    if (is_left_out(world, thing, type)) continue;
     // Map spots and teleport destinations: hundreds in a map, never seen, never moving. They stay in
     // level().things unless a script may ask for them.
     if (type.state(StateLabel::kSpawn) == kNoState && type.flags.has(ActorFlag::kNoBlockmap) && thing.id == 0)
@@ -186,7 +272,8 @@ void discount(World& world, const Actor& actor) {
 void respawn_monster(World& world, Actor& corpse) {
   constexpr int32_t kLeastDeadTics = 12 * 35, kLookTics = 32;
   constexpr uint32_t kChance = 5;  // of 256 at each look
-  const bool may = corpse.has(ActorFlag::kAlwaysRespawn) || world.options().skill >= 5;
+  const bool may = corpse.has(ActorFlag::kAlwaysRespawn) || world.options().skill >= 5 ||
+                   world.has(wad::GameFlag::kMonstersReturn);
   if (!may || corpse.has(ActorFlag::kNeverRespawn) || !corpse.is_corpse() || corpse.player_index >= 0 ||
       !corpse.has(ActorFlag::kIsMonster) || !world.type_of(corpse).flags.has(ActorFlag::kCountKill))
     return;

@@ -405,14 +405,22 @@ void switch_for_ammo(World& world, int player_index, uint32_t ammo_type) {
     player.pending_weapon = best;
 }
 
+void empty_hand(World& world, int player_index, bool had_others) {
+  Player& player = player_at(world, player_index);
+  const bool ready = player.weapon_ready;
+  const uint8_t permissions = player.weapon_permissions;
+  player.ready_weapon = kNoType;
+  player.refire = 0;
+  for (int layer = 0; layer < 2; ++layer) set_weapon_state(world, player_index, layer, kNoState);
+  // The last weapon's readiness outlives it by the rest of the tic, as in ViZDoom.
+  if (!had_others) player.weapon_ready = ready, player.weapon_permissions = permissions;
+}
+
 void forget_weapon(World& world, int player_index, uint32_t type) {
   Player& player = player_at(world, player_index);
   if (player.pending_weapon == type) player.pending_weapon = kNoType;
   if (player.ready_weapon != type) return;
-  player.ready_weapon = kNoType;
-  player.refire = 0;
-  set_weapon_state(world, player_index, 0, kNoState);
-  set_weapon_state(world, player_index, 1, kNoState);
+  empty_hand(world, player_index, best_weapon(world, player_index) != kNoType);
   if (player.pending_weapon == kNoType && player.alive) pick_new_weapon(world, player_index);
 }
 

@@ -6,12 +6,25 @@
 
 #include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/log.h"
+#include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/specials/movers.h"
 #include "sim_workers/engine/specials/special_families.h"
 
 namespace comrad::doom {
 namespace {
+
+/// Ends the level, where the game's flags let `who` end it.
+bool leave_level(World& world, Actor* who) {
+  if (world.has(wad::GameFlag::kExitAfterMonsters) && world.state().kill_total < world.state().monster_count)
+    return false;
+  if (world.options().deathmatch && world.has(wad::GameFlag::kNoExit)) {
+    if (who != nullptr) damage_actor(world, *who, who, who, kTelefragDamage, DamageType::kNormal);
+    return false;
+  }
+  world.exit_level();
+  return true;
+}
 
 // ---------------------------------------------------------------- lines and the game
 
@@ -118,12 +131,12 @@ std::optional<int32_t> execute_line_special(World& world, const SpecialCall& cal
     case Special::kTeleport_NewMap:  // map, position, keep facing
     case Special::kTeleport_EndGame:
     case Special::kExit_Normal:  // position
-      world.exit_level();
-      return 1;
-    case Special::kExit_Secret:
-      world.state().exited_secretly = true;
-      world.exit_level();
-      return 1;
+      return leave_level(world, call.activator);
+    case Special::kExit_Secret: {
+      const bool leaves = leave_level(world, call.activator);
+      world.state().exited_secretly = leaves;
+      return leaves;
+    }
     case Special::kLine_SetIdentification:  // the loader saw to it
       return 0;
     case Special::kUsePuzzleItem:  // no puzzle items in Doom

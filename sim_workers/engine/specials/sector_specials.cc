@@ -64,7 +64,7 @@ FloorDamage damage_of_type(int32_t type) {
     case kStrifeSuperHellslime:
       return {.amount = 4, .type = DamageType::kSlime};
     case kInstantDeath:
-      return {.amount = 999, .interval = 1, .leak = kAlways, .type = DamageType::kInstantDeath};
+      return {.amount = kTelefragDamage, .interval = 1, .leak = kAlways, .type = DamageType::kInstantDeath};
     default:
       return {};
   }

@@ -83,6 +83,14 @@ void tic_actor(World& world, std::size_t slot) {
   set_state(world, actor, world.catalog().state(actor.state).next);
 }
 
+bool reaches_frag_limit(const World& world) {
+  const WorldOptions& options = world.options();
+  if (!options.deathmatch || options.frag_limit <= 0) return false;
+  for (const Player& player : world.state().players)
+    if (player.frag_count >= options.frag_limit) return true;
+  return false;
+}
+
 }  // namespace
 
 void reset_world(World& world, const WorldOptions& options) {
@@ -92,15 +100,22 @@ void reset_world(World& world, const WorldOptions& options) {
   start_movers(world);
   spawn_players(world);
   spawn_map_things(world);
-  // The newest script runs first, so that OPEN comes before ENTER in the first tic.
+  // The newest script runs first, so that OPEN comes before ENTER in the first tic; in a deathmatch, whose players come last, after.
+  const bool is_deathmatch = world.options().deathmatch;
+  if (is_deathmatch) acs::start_scripts_of_type(world, acs::ScriptType::kOpen, 0);
   for (const Player& player : world.state().players)
     acs::start_scripts_of_type(world, acs::ScriptType::kEnter, player.actor_id);
-  acs::start_scripts_of_type(world, acs::ScriptType::kOpen, 0);
+  if (!is_deathmatch) acs::start_scripts_of_type(world, acs::ScriptType::kOpen, 0);
   world.compact();
 }
 
 void run_tic(World& world, std::span<const Buttons> buttons) {
   if (world.level_exited()) return;
+  if (world.state().leaves_level) {
+    world.state().level_exited = true;
+    ++world.state().tic_count;
+    return;
+  }
   static constexpr Buttons kNothing{};
   const std::size_t old_movers = world.state().movers.sectors.size(), old_actors = world.actors().size();
   PlayerThinker thinker(world);
@@ -117,6 +132,7 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
   // What spawned in this tic acts in it too, after the scripts, as in ViZDoom; the list grows meanwhile.
   for (std::size_t slot = old_actors; slot < world.actors().size(); ++slot) tic_actor(world, slot);
   tic_new_movers(world, first_new_mover, old_scrollers);
+  if (reaches_frag_limit(world)) world.exit_level();
   world.compact();
   ++world.state().tic_count;
 }

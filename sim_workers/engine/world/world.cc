@@ -33,9 +33,12 @@ void World::start(const WorldOptions& options, const WorldEvents* events) {
   state_ = std::move(fresh);
   state_.rng = Rng(RngKey(options.seed).split("world"));
   state_.sectors = level_->sectors;
-  state_.gravity = level_->rules.gravity;
-  options_.allow_jump &= !level_->rules.no_jump;
-  options_.allow_crouch &= !level_->rules.no_crouch;
+  state_.gravity = fixed_mul(level_->rules.gravity, options.gravity);
+  state_.air_control = options.air_control.value_or(state_.air_control);
+  using enum wad::GameFlag;
+  options_.allow_jump &= !level_->rules.no_jump || has(kAllowJump);
+  options_.allow_crouch &= !level_->rules.no_crouch || has(kAllowCrouch);
+  if (options.deathmatch) options_.flags.set(kWeaponsStay), options_.flags.set(kItemsReturn);
   state_.lines.resize(level_->linedefs.size());
   for (std::size_t i = 0; i < level_->linedefs.size(); ++i) {
     const Linedef& line = level_->linedefs[i];
@@ -61,6 +64,17 @@ void World::start(const WorldOptions& options, const WorldEvents* events) {
 
 // ---------------------------------------------------------------- actors
 
+void World::size_bridge(Actor& actor) const {
+  const ActorType& type = (*catalog_)[actor.type];
+  if (type.bridge == ActorType::Bridge::kNone) return;
+  const bool custom = type.bridge == ActorType::Bridge::kCustom;
+  const auto sized = [](int32_t argument, Fixed otherwise) {
+    return argument != 0 ? to_fixed(std::clamp(argument, 0, 32'000)) : otherwise;
+  };
+  actor.radius = sized(actor.args[0], custom ? to_fixed(32) : type.radius);
+  actor.height = sized(actor.args[1], custom ? to_fixed(4) : type.height);
+}
+
 std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, Angle angle,
                                 int32_t thing_id) {
   const ActorType& type = (*catalog_)[type_index];
@@ -74,11 +88,12 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   actor.health = actor.start_health = type.health;
   set_thing_id(actor, thing_id);
   actor.special = type.special, actor.args = type.args;
+  size_bridge(actor);
   actor.sector_index = actor.floor_sector_index = sector_at(x, y);
   actor.floor_z = actor.ground_z = actor.dropoff_z = state_.sectors[actor.sector_index].floor_height;
   actor.ceiling_z = actor.roof_z = state_.sectors[actor.sector_index].ceiling_height;
   actor.z = z == kOnFloor ? actor.floor_z : z == kOnCeiling ? actor.hanging_z() : z;
-  actor.speed = options_.skill >= 5 && type.fast_speed >= 0 ? type.fast_speed : type.speed;
+  actor.speed = is_fast() && type.fast_speed >= 0 ? type.fast_speed : type.speed;
   actor.float_speed = type.float_speed;
   actor.damage = type.damage, actor.damage_type = type.damage_type;
   actor.damage_factor = type.general_damage_factor;
@@ -86,7 +101,7 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   actor.bounce_count = type.bounce_count;
   actor.render_style = type.render_style, actor.alpha = type.alpha;
   actor.scale_x = type.scale_x, actor.scale_y = type.scale_y, actor.translation = type.translation;
-  actor.reaction_tics = options_.skill >= 5 && type.flags.has(ActorFlag::kIsMonster) ? 0 : type.reaction_tics;
+  actor.reaction_tics = is_fast() && type.flags.has(ActorFlag::kIsMonster) ? 0 : type.reaction_tics;
   actor.spawn_x = x, actor.spawn_y = y, actor.spawn_z = actor.z, actor.spawn_angle = angle;
   actor.spawn_tic = state_.tic_count;
   // A quirk of Doom's: whoever is born has been walking east, and does not turn about at once.

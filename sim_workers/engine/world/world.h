@@ -36,6 +36,8 @@ class World {
   bool level_exited() const { return state_.level_exited; }
   int player_count() const { return static_cast<int>(state_.players.size()); }
   bool is_multiplayer() const { return player_count() > 1 || options().network_game; }
+  bool has(wad::GameFlag flag) const { return options_.flags.has(flag); }
+  bool is_fast() const { return options_.skill >= 5 || has(wad::GameFlag::kFastMonsters); }
   const Player& player(int index) const { return state_.players[static_cast<std::size_t>(index)]; }
   const Actor& body(int index) const;  ///< the player's actor
   /// Live actors by rising id. Those with `removed` set leave at the end of the tic.
@@ -95,7 +97,9 @@ class World {
   void unlink(Actor& actor);
   void set_sector_damage(int32_t tag, int32_t amount, int32_t interval);
   void set_export(int index, int32_t value);
-  void exit_level() { state_.level_exited = true; }
+  /// Gives a bridge the size that its arguments say.
+  void size_bridge(Actor& actor) const;
+  void exit_level() { (options_.exit_takes_a_tic ? state_.leaves_level : state_.level_exited) = true; }
   int count_actors(uint32_t type) const;
   std::optional<std::size_t> find_slot(uint32_t id) const;
 

@@ -116,14 +116,14 @@ class Hash {
   COMRAD_HASHED(WorldState::BrainState, next_spot, easy_skip)
 
   void add(const WorldState& world) {
-    const auto& [tic_count, level_exited, exited_secretly, next_actor_id, next_thing_order, actors, links,
-                 cell_heads, type_counts, sector_sound_target, sector_sound_tic, sound_blocks, sound_queue,
-                 sound_queue_later, radius_max, has_removed, players, sectors, lines, sides, movers, scripts,
-                 globals, monster_count, item_total, secret_total, kill_total, item_taken, secret_found,
-                 has_special_friction, gravity, air_control, corpse_ids, brain, rng] = world;
-    add_all(tic_count, level_exited, exited_secretly, next_actor_id, next_thing_order, actors, links,
-            cell_heads, type_counts, sector_sound_target, sector_sound_tic, radius_max, has_removed, players,
-            sectors, lines, sides, movers, scripts, globals, monster_count, item_total, secret_total,
+    const auto& [tic_count, level_exited, leaves_level, exited_secretly, next_actor_id, next_thing_order,
+                 actors, links, cell_heads, type_counts, sector_sound_target, sector_sound_tic, sound_blocks,
+                 sound_queue, sound_queue_later, radius_max, has_removed, players, sectors, lines, sides,
+                 movers, scripts, globals, monster_count, item_total, secret_total, kill_total, item_taken,
+                 secret_found, has_special_friction, gravity, air_control, corpse_ids, brain, rng] = world;
+    add_all(tic_count, level_exited, leaves_level, exited_secretly, next_actor_id, next_thing_order, actors,
+            links, cell_heads, type_counts, sector_sound_target, sector_sound_tic, radius_max, has_removed,
+            players, sectors, lines, sides, movers, scripts, globals, monster_count, item_total, secret_total,
             kill_total, item_taken, secret_found, has_special_friction, gravity, air_control, corpse_ids,
             brain, rng);
     // Not sound_blocks, sound_queue and sound_queue_later: scratch of alert_monsters().

@@ -4,9 +4,11 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "doomgen/wad/game_flags.h"
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/fixed.h"
 #include "sim_workers/engine/map/level.h"
@@ -35,6 +37,11 @@ struct WorldOptions {
   bool deathmatch = false;
   bool infinite_ammo = false;
   bool start_at_deathmatch_starts = false;  ///< where a map has no start of a player's own
+  wad::GameFlags flags = {};                ///< those without a field here; a deathmatch sets what it implies
+  bool exit_takes_a_tic = false;            ///< in which nothing moves, as in ViZDoom
+  int frag_limit = 0;                       ///< of a deathmatch; 0: none
+  Fixed gravity = kFracUnit;                ///< times the level's
+  std::optional<Fixed> air_control = {};    ///< else the level's
 };
 
 /// A linedef as play changes it.
@@ -64,6 +71,7 @@ struct ThingLink {
 struct WorldState {
   uint64_t tic_count = 0;
   bool level_exited = false;
+  bool leaves_level = false;  ///< the next tic is the last
   bool exited_secretly = false;
   uint32_t next_actor_id = 1;
   uint32_t next_thing_order = 1;

@@ -151,7 +151,19 @@ TEST(Udmf, ReadsWhatLinesSidesSectorsAndThingsSayBesides) {
   EXPECT_TRUE(thing.skill[6] && !thing.skill[5] && thing.friendly && thing.standing);
   EXPECT_EQ(thing.class_filter, 0xFFFDu);
   EXPECT_EQ(thing.scale_y, 2.0);
-  EXPECT_EQ(thing.health, -30.0);
+  EXPECT_EQ(thing.health, -30);
+}
+
+// Probe: monsters with health = 1.0, 2.0, -50.0 are dead when the map begins, those with 2 and -50 are not.
+TEST(UdmfReader, AHealthWithAPointIsNone) {
+  for (const auto& [text, health] :
+       {std::pair{"2", 2}, {"-50", -50}, {"1.0", 0}, {"2.0", 0}, {"-50.0", 0}, {"0.5", 0}})
+    EXPECT_EQ(
+        good(std::string("namespace = \"zdoom\"; thing { x = 0; y = 0; type = 1; health = ") + text + "; }")
+            .things[0]
+            .health,
+        health)
+        << text;
 }
 
 }  // namespace udmf_reader_test

@@ -102,7 +102,7 @@ TEST(AmmoCarrier, AKillOfTheDefendersHealsBoth) {
   EXPECT_EQ(stage.body(kDefender).health, 160);
   EXPECT_EQ(stage.body(kRunner).health, 200) << "never more than 200";
   EXPECT_NEAR(stage.returns[kDefender], 1 + 0.001 * 30, 1e-3);
-  stage.hurt(add_monster(stage, "CarrierZombie", -200, 0), 100, -1);
+  stage.hurt(add_monster(stage, "CarrierZombie", -200, 120), 100, -1);
   stage.run(4);
   EXPECT_EQ(stage.body(kDefender).health, 160) << "nobody's kill";
 }

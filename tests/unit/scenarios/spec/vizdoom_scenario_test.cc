@@ -212,6 +212,66 @@ TEST_F(VizdoomScenario, ClRunMakesPlayersRun) {
   }
 }
 
+TEST_F(VizdoomScenario, FlagsOfAGameHaveNamesAndNumbers) {
+  using enum wad::GameFlag;
+  const auto flags = [&](const std::string& arguments) {
+    const auto spec = load(std::string(kPlain) + "game_args = " + arguments + "\n");
+    EXPECT_TRUE(spec) << spec.error().message;
+    EXPECT_THAT(spec->warnings, IsEmpty()) << arguments;
+    return spec->rules.flags;
+  };
+  for (const wad::GameFlagName& known : wad::kGameFlagNames) {
+    const std::string name(known.variable);
+    EXPECT_EQ(flags("+" + name + " 1").bits, static_cast<uint64_t>(known.flag)) << name;
+    EXPECT_EQ(flags("+" + name + " 1 +" + name + " 0").bits, 0u) << name;
+  }
+  // What ViZDoom's scripts read of the same arguments: GetCVar("dmflags"), GetCVar("dmflags2").
+  EXPECT_EQ(flags("+sv_itemrespawn 1 +sv_weaponstay 1 +sv_forcerespawn 1").bits, 16644u);
+  EXPECT_EQ(flags("+sv_respawnprotect 1").bits, uint64_t{1024} << 32);
+  EXPECT_TRUE(flags("+dmflags 16644").has(kItemsReturn));
+  EXPECT_TRUE(flags("+dmflags2 1024 +dmflags 4").has(kRespawnProtection));
+  EXPECT_TRUE(flags("+dmflags -1").has(kHalveAmmo));
+}
+
+TEST_F(VizdoomScenario, FlagsThatTheRulesHaveFieldsForSetThem) {
+  const auto spec =
+      load(std::string(kPlain) +
+           "game_args = -host 1 +dmflags 4196352 +sv_nofreelook 1 +sv_noautoaim 1 +sv_nojump 1 "
+           "+sv_forcerespawn 1 +sv_nomonsters 1 +sv_gravity 400 +sv_aircontrol 0.5 +fraglimit 3\n");
+  ASSERT_TRUE(spec) << spec.error().message;
+  const GameRules& rules = spec->rules;
+  EXPECT_TRUE(rules.infinite_ammo && rules.no_monsters && spec->respawn);
+  EXPECT_FALSE(rules.allow_crouch || rules.allow_jump || rules.free_look || rules.autoaim);
+  EXPECT_EQ(rules.gravity, 0.5);
+  EXPECT_EQ(rules.air_control, 0.5);
+  EXPECT_EQ(rules.frag_limit, 3);
+  const auto never = load(std::string(kPlain) + "game_args = -host 1 +sv_forcerespawn 1 +sv_norespawn 1\n");
+  ASSERT_TRUE(never) << never.error().message;
+  EXPECT_FALSE(never->respawn);
+}
+
+// 0.05 minutes are 105 tics of the map; the first of them passes before the first decision.
+TEST_F(VizdoomScenario, ATimeLimitIsATimeout) {
+  const auto alone = load(std::string(kPlain) + "game_args = +timelimit 0.05\n");
+  ASSERT_TRUE(alone) << alone.error().message;
+  EXPECT_EQ(alone->rules.timeout_tics, 104);
+  const auto sooner = load(std::string(kPlain) + "episode_timeout = 50\ngame_args = +timelimit 0.05\n");
+  ASSERT_TRUE(sooner) << sooner.error().message;
+  EXPECT_EQ(sooner->rules.timeout_tics, 50);
+}
+
+TEST_F(VizdoomScenario, ArgumentsThatOnlyShowAreSilentAndOthersAreNamed) {
+  const auto spec = load(
+      std::string(kPlain) +
+      "game_args = +name AI +colorset 0 +viz_nocheat 1 +viz_am_center 1 +vid_forcesurface 1 +sv_cheats 1 "
+      "+sv_losefrag 1 +viz_bots_path ./bots.cfg\n");
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_THAT(spec->warnings,
+              ElementsAre(HasSubstr("+sv_losefrag is not known"), HasSubstr("+viz_bots_path")));
+  EXPECT_THAT(refusal(std::string(kPlain) + "game_args = +timelimit soon\n"),
+              AllOf(HasSubstr("+timelimit soon"), HasSubstr("must be a number")));
+}
+
 TEST_F(VizdoomScenario, GrayPicturesAreAWarningWhereTheyAreNotServed) {
   const auto gray = load(std::string(kPlain) + "screen_format = GRAY8\n");
   ASSERT_TRUE(gray) << gray.error().message;

@@ -223,7 +223,7 @@ TEST(LevelLoader, ReadsTheDecorationsOfUdmf) {
   put("v1 = 0; v2 = 1;", " blocksight = true; playeruse = true; monsteractivate = true; alpha = 7.0;");
   put("texturefloor = \"flat1\";",
       " lightcolor = 255; damageamount = 20; damagetype = \"fire\"; yscalefloor = 0.5;");
-  put("type = 2011;", " skill8 = true; ambush = true; friend = true; alpha = 0.5; health = 2.0;");
+  put("type = 2011;", " skill8 = true; ambush = true; friend = true; alpha = 0.5; health = 2;");
   put("texturemiddle = \"brick6\";", " offsetx_mid = -3.5; wrapmidtex = true;");
   const std::shared_ptr<const Level> level = load_level(wad_with(text)).value();
   EXPECT_EQ(level->linedefs[0].flags,
@@ -237,7 +237,7 @@ TEST(LevelLoader, ReadsTheDecorationsOfUdmf) {
   EXPECT_EQ(level->things[1].flags & ~uint32_t{kThingSkill1 << 2 | kThingSingle | kThingCoop},
             thing_skill_flag(8) | kThingAmbush | kThingFriend);
   EXPECT_FLOAT_EQ(level->things[1].alpha, 0.5f);
-  EXPECT_FLOAT_EQ(level->things[1].health, 2.0f);
+  EXPECT_EQ(level->things[1].health, 2);
 }
 
 }  // namespace level_loader_test

@@ -85,11 +85,62 @@ TEST(Inventory, GoesToPlayersAndHealthToMonsters) {
   EXPECT_FALSE(
       act(stage, imp, ActionId::kJumpIfInTargetInventory, {type(stage, "Shell"), number(5), state(5)}).jumps);
   imp.health = 10;
-  act(stage, imp, ActionId::kGiveInventory, {type(stage, "Medikit"), number(25)});
+  act(stage, imp, ActionId::kGiveInventory, {type(stage, "Medikit"), number(1)});
   EXPECT_EQ(imp.health, 35);
+  act(stage, imp, ActionId::kGiveInventory, {type(stage, "HealthBonus"), number(5)});
+  EXPECT_EQ(imp.health, 40) << "so many times over";
+}
+
+TEST(Inventory, HealthIsGivenSoManyTimesAndArmourOnce) {
+  Stage stage;
+  stage.body().health = stage.world.state().players[0].health = 20;
+  act(stage, stage.body(), ActionId::kGiveInventory, {type(stage, "Stimpack"), number(3)});
+  EXPECT_EQ(stage.body().health, 50);
+  act(stage, stage.body(), ActionId::kGiveInventory, {type(stage, "GreenArmor"), number(3)});
+  EXPECT_EQ(stage.world.player(0).armor, 100);
+}
+
+// Probe: a thing of height 20 at each place gives to a player at the origin, whose middle is 28 up: 99 to a side are 100.6 away.
+TEST(Inventory, RadiusGiveReachesMiddlesInASphereOrCube) {
+  constexpr int kPlayers = 2, kMonsters = 4, kCube = 512;
+  struct Case {
+    int x, y, z, flags, least, gained;
+  };
+  for (const auto& [x, y, z, flags, least, gained] :
+       {Case{95, 0, 0, kPlayers, 0, 1}, Case{99, 0, 0, kPlayers, 0, 0},
+        Case{99, 0, 0, kPlayers | kCube, 0, 1}, Case{101, 0, 0, kPlayers | kCube, 0, 0},
+        Case{77, 77, 0, kPlayers | kCube, 0, 1}, Case{77, 77, 0, kPlayers, 0, 0},
+        Case{40, 0, 0, kPlayers, 50, 0}, Case{60, 0, 0, kPlayers, 50, 1}, Case{40, 0, 0, kMonsters, 0, 0}}) {
+    Stage stage;
+    stage.body().health = stage.world.state().players[0].health = 100;
+    Actor& giver = stage.spawn("DoomImp", x, y);
+    giver.height = to_fixed(20), giver.z = stage.body().z + to_fixed(z);
+    giver.x = stage.body().x + to_fixed(x), giver.y = stage.body().y + to_fixed(y);
+    act(stage, giver, ActionId::kRadiusGive,
+        {type(stage, "HealthBonus"), number(100), number(flags), number(0), number(0), number(0),
+         number(least)});
+    EXPECT_EQ(stage.body().health, 100 + gained) << x << " " << y << " " << flags << " " << least;
+  }
 }
 
 // ---------------------------------------------------------------- attacks
+
+// Probe: A_RadiusThrust(100, 256): half of 100 less the share of the box's distance, for each pound of mass.
+TEST(RadiusThrust, PushesHalfTheForceForEachPound) {
+  Stage stage;
+  Actor& imp = stage.spawn("DoomImp", 300, 0);
+  imp.x = stage.body().x + to_fixed(90), imp.y = stage.body().y;  // its box begins 70 away
+  act(stage, stage.body(), ActionId::kRadiusThrust, {number(100), number(256), number(0)});
+  EXPECT_NEAR(imp.velocity_x, 65536 * 100.0 * (1 - 70 / 256.0) / 2 / 100, 2);
+  EXPECT_EQ(imp.velocity_z, 0);
+  EXPECT_EQ(stage.body().velocity_x, 0);
+  act(stage, stage.body(), ActionId::kRadiusThrust, {number(100), number(256), number(1)});
+  EXPECT_EQ(stage.body().velocity_x, kFracUnit / 2) << "itself, to the east";
+  imp.velocity_x = 0;
+  imp.set(ActorFlag::kDontThrust);
+  act(stage, stage.body(), ActionId::kRadiusThrust, {number(100)});
+  EXPECT_EQ(imp.velocity_x, 0);
+}
 
 TEST(CustomMissile, StartsAtItsOffsetAndTurnsByItsAngle) {
   Stage stage;

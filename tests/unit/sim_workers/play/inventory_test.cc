@@ -372,7 +372,7 @@ TEST(MapThings, TakeTheFieldsOfUdmf) {
       .thing(kDecoration, 400, 500, 0, 7,
              fields([](MapThing& t) { t.score = 7, t.flags = kThingCountSecret; }))
       .thing(kDecoration, 500, 500, 0, 8, fields([](MapThing& t) { t.class_filter = 0xFFFE; }))
-      .thing(kImp, 400, 300, 0, 9, fields([](MapThing& t) { t.health = 0.5f; }));
+      .thing(kImp, 400, 300, 0, 9, fields([](MapThing& t) { t.health = 0; }));
   Stage stage(room.build());
   const auto made = [&](int id) -> const Actor* {
     for (const Actor& actor : stage.world.actors())

@@ -651,6 +651,105 @@ TEST(VizdoomRules, ATelefragIsNoHit) {
 }
 
 // Probe: Scroll_Floor(1, -25, 33, 1) of a script: a thing on that floor moves with -4 350 and 5 742 after its first tic.
+// Probe: Thing_Damage of each amount: DAMAGE_TAKEN and HITS_TAKEN.
+TEST(VizdoomRules, NoDamageAboveAThousandIsCounted) {
+  for (const auto& [amount, counted] :
+       {std::pair{999, 999}, {1000, 1000}, {1001, 0}, {5000, 0}, {2'000'000, 0}}) {
+    Game game(plain_room().build());
+    damage_actor(game.world, game.body(), nullptr, nullptr, amount);
+    EXPECT_EQ(game.world.player(0).damage_taken, counted);
+    EXPECT_EQ(game.world.player(0).hits_taken, counted > 0 ? 1 : 0);
+    EXPECT_EQ(game.body().health, 100 - amount);
+  }
+}
+
+// Probe: armour is used up by what kills at once, and saves nothing; sector type 115 does not even see it.
+TEST(VizdoomRules, ArmourSavesNothingFromATelefrag) {
+  for (const bool by_sector : {false, true}) {
+    Game game(plain_room().build());
+    give_item(game.world, 0, game.world.catalog().find("GreenArmor").value(), 1);
+    damage_actor(game.world, game.body(), nullptr, nullptr, kTelefragDamage,
+                 by_sector ? DamageType::kInstantDeath : DamageType::kNormal);
+    EXPECT_EQ(game.body().health, 100 - kTelefragDamage);
+    EXPECT_EQ(game.world.player(0).armor, by_sector ? 100 : 0);
+  }
+}
+
+// Probe: an invulnerable player and damage of 5 000; of a million.
+TEST(VizdoomRules, InvulnerabilityHoldsBelowATelefrag) {
+  Game game(plain_room().build());
+  game.world.state().players[0].powers.push_back({PowerKind::kInvulnerable, kNoType, 100});
+  EXPECT_EQ(damage_actor(game.world, game.body(), nullptr, nullptr, 5000), 0);
+  EXPECT_GT(damage_actor(game.world, game.body(), nullptr, nullptr, kTelefragDamage), 0);
+}
+
+// Probe: the barrel's corpse, 10.5 high, is stepped on until it is gone; one of 25 stops a player.
+TEST(VizdoomRules, TheDyingBlockUntilTheyFall) {
+  for (const int height : {25, 24}) {
+    test::LevelBuilder room = plain_room();
+    room.thing(3003, 200, 0, 180, 5);
+    Game game(room.build());
+    Actor& baron = *game.world.find_thing(5);
+    damage_actor(game.world, baron, nullptr, nullptr, 2000);
+    baron.height = to_fixed(height), baron.tics = -1;
+    Buttons walk;
+    walk.forward = true;
+    for (int tic = 0; tic < 60; ++tic) game.tic(walk);
+    EXPECT_EQ(game.body().x > to_fixed(200), height == 24);
+  }
+}
+
+// Probe: TakeInventory of the fist and the pistol: ATTACK_READY falls a tic after the pistol is gone.
+TEST(VizdoomRules, TheLastWeaponsReadinessOutlivesItByTheTic) {
+  for (const bool is_last : {false, true}) {
+    Game game(plain_room().build());
+    for (int tic = 0; tic < 30; ++tic) game.tic();
+    ASSERT_TRUE(game.world.player(0).weapon_ready);
+    if (is_last) take_item(game.world, 0, game.world.catalog().find("Fist").value(), 0);
+    take_item(game.world, 0, game.world.catalog().find("Pistol").value(), 0);
+    EXPECT_EQ(game.world.player(0).weapon_ready, is_last);
+    game.tic();
+    EXPECT_FALSE(game.world.player(0).weapon_ready);
+  }
+}
+
+// Probe: a CustomBridge with each arguments: where a walker's feet rise, and how high.
+TEST(VizdoomRules, ArgumentsSizeABridgeAndDecoratesOwnCountBefore) {
+  const auto own = catalog_with(
+      "actor Own : CustomBridge 20001 { Args 40, 10 } actor Plain : CustomBridge 20002 { Radius 50 }");
+  const auto made = [&](int number, std::array<int32_t, 5> args) {
+    test::LevelBuilder room = plain_room();
+    MapThing thing;
+    thing.args = args, thing.special = 72;
+    room.thing(number, 600, 0, 0, 5, thing);
+    World world(room.build(), own);
+    reset_world(world, {});
+    return *world.find_thing(5);
+  };
+  for (const auto& [number, arg0, arg1, radius, height] :
+       {std::array{20001, 0, 0, 40, 10}, std::array{20001, 60, 20, 40, 10}, std::array{20002, 60, 20, 60, 20},
+        std::array{20002, 0, 0, 32, 4}, std::array{9991, 0, 0, 32, 4}, std::array{9990, 50, 0, 50, 4},
+        std::array{118, 60, 20, 36, 4}, std::array{5065, 0, 0, 8, 8}}) {
+    const Actor bridge = made(number, {arg0, arg1, 0, 0, 0});
+    EXPECT_EQ(bridge.radius, to_fixed(radius)) << number;
+    EXPECT_EQ(bridge.height, to_fixed(height)) << number;
+    EXPECT_EQ(bridge.special, number == 20001 ? 0 : 72) << number;
+  }
+}
+
+// Probe: crouching on an item that a teleport put below the player.
+TEST(VizdoomRules, WhoDucksTakesWhatLiesThere) {
+  test::LevelBuilder room = plain_room();
+  room.thing(2014, 128, 0, 0, 5);
+  Game game(room.build(), {.allow_crouch = true});
+  game.tic();
+  EXPECT_NE(game.world.find_thing(5), nullptr) << "nothing moved";
+  Buttons crouch;
+  crouch.crouch = true;
+  game.tic(crouch);
+  EXPECT_EQ(game.world.find_thing(5), nullptr);
+}
+
 TEST(VizdoomRules, AScriptsScrollFloorIsTagXYMode) {
   test::LevelBuilder room = plain_room();
   room.thing(2011, 400, 0, 0, 5);
