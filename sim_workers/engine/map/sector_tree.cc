@@ -139,8 +139,14 @@ class SectorTreeBuilder {
     segs.shrink_to_fit();
     const int32_t front_child = grow(std::move(front), sector_index, depth + 1);
     const int32_t back_child = grow(std::move(back), sector_index, depth + 1);
-    tree_.nodes_[node_index].front = front_child;
-    tree_.nodes_[node_index].back = back_child;
+    SectorTree::Node& made = tree_.nodes_[node_index];
+    made.front = front_child, made.back = back_child;
+    // A point on a line along an axis lies west or south of it, as in ViZDoom: that side becomes the front.
+    const bool front_is_east = made.dx == 0 && made.dy > 0, front_is_north = made.dy == 0 && made.dx < 0;
+    if (front_is_east || front_is_north) {
+      made.dx = -made.dx, made.dy = -made.dy;
+      std::swap(made.front, made.back);
+    }
     return static_cast<int32_t>(node_index);
   }
 

@@ -512,15 +512,36 @@ void set_max_item(World& world, int player_index, uint32_t type, int32_t max_amo
   add_ammo_slot(world, player_at(world, player_index), type).max_amount = std::max(max_amount, 0);
 }
 
+namespace {
+
+/// Whether ClearInventory, which begins with what was taken last, comes to another weapon after that in the hand. Of what a player
+/// begins with the last counts as the first taken.
+bool loses_others_after(const World& world, const Player& player) {
+  const Actor* body = world.find_actor(player.actor_id);
+  if (body == nullptr) return false;
+  const std::vector<DropItem>& start = world.type_of(*body).start_items;
+  const auto order = [&](std::size_t index) {
+    for (std::size_t i = 0; i < start.size(); ++i)
+      if (start[i].type == player.inventory[index].type) return -static_cast<int64_t>(i) - 1;
+    return static_cast<int64_t>(index);
+  };
+  std::optional<int64_t> held, first;
+  for (std::size_t i = 0; i < player.inventory.size(); ++i) {
+    const InventoryItem& item = player.inventory[i];
+    if (item.amount <= 0 || world.catalog()[item.type].item_class != ItemClass::kWeapon) continue;
+    if (item.type == player.ready_weapon) held = order(i);
+    first = std::min(first.value_or(order(i)), order(i));
+  }
+  return held && *first < *held;
+}
+
+}  // namespace
+
 void clear_inventory(World& world, int player_index) {
   if (player_index < 0 || player_index >= world.player_count()) return;
   Player& player = player_at(world, player_index);
   const ActorCatalog& catalog = world.catalog();
-  const bool had_others =
-      std::any_of(player.inventory.begin(), player.inventory.end(), [&](const auto& item) {
-        return item.type != player.ready_weapon && item.amount > 0 &&
-               catalog[item.type].item_class == ItemClass::kWeapon;
-      });
+  const bool had_others = loses_others_after(world, player);
   // Ammunition stays as an entry of none, so that its limit is kept; a backpack's room goes with it.
   std::erase_if(player.inventory, [&](const InventoryItem& item) {
     const ActorType& info = catalog[item.type];

@@ -335,17 +335,22 @@ bool Movement::try_move(std::size_t slot, Fixed x, Fixed y) { return try_move_wi
 
 MoveResult Movement::try_move_with_result(std::size_t slot, Fixed x, Fixed y) {
   const MoveResult result = attempt_move(slot, x, y);
-  // Running into a line may be what it waits for.
-  if (!result.moved && result.blocking_line >= 0) {
-    const auto line = static_cast<uint32_t>(result.blocking_line);
+  Actor& body = state_.actors[slot];
+  if (result.moved || body.removed || body.player_index < 0 || body.is_corpse()) return result;
+  // Running into a line may be what it waits for; so may all that the box would have lain on.
+  const std::array<uint32_t, kTouchedLinesMax> touched = last_.touched_lines;
+  std::size_t count = last_.touched_count;
+  const auto push = [&](uint32_t line) {
     const LineState& state = state_.lines[line];
-    Actor& body = state_.actors[slot];
-    if (state.special != 0 && (state.flags & kLinePlayerPush) != 0 && body.player_index >= 0 &&
-        !body.is_corpse())
+    if (state.special != 0 && (state.flags & kLinePlayerPush) != 0)
       world_.events().activate_line(world_, line, body,
                                     world_.index().blockmap.lines()[line].side_of(body.x, body.y) <= 0,
                                     Activation::kPush);
-  }
+  };
+  const int32_t blocking = result.blocking_line;
+  while (count > 0)
+    if (const uint32_t line = touched[--count]; static_cast<int32_t>(line) != blocking) push(line);
+  if (blocking >= 0) push(static_cast<uint32_t>(blocking));
   return result;
 }
 

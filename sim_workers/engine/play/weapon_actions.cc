@@ -147,7 +147,7 @@ void action_Lower(ActionCall& call) {
   if (weapon == nullptr) return;
   WeaponSprite& sprite = call.player->weapon_sprites[0];
   const Fixed speed = call.integer(0) > 0 ? to_fixed(std::min(call.integer(0), 128)) : kLowerSpeed;
-  sprite.own_y = clamped_fixed(int64_t{sprite.own_y} + speed);
+  sprite.own_y = call.player->instant_switch ? kWeaponBottom : clamped_fixed(int64_t{sprite.own_y} + speed);
   if (sprite.own_y < kWeaponBottom) return;
   if (!call.player->alive) {
     sprite.own_y = kWeaponBottom;  // and nothing comes up

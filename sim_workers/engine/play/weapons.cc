@@ -229,7 +229,7 @@ void raise_weapon(World& world, int player_index) {
   }
   WeaponSprite& sprite = player.weapon_sprites[0];
   sprite.own_x = 0;
-  sprite.own_y = kWeaponBottom;
+  sprite.own_y = player.instant_switch ? kWeaponTop : kWeaponBottom;
   set_weapon_state(world, player_index, 0, label_of(world, player.ready_weapon, StateLabel::kSelect));
   sprite.x = sprite.own_x, sprite.y = sprite.own_y;
 }
@@ -245,14 +245,17 @@ void choose_weapon(World& world, int player_index, const Buttons& buttons) {
   Player& player = player_at(world, player_index);
   const int8_t slot = buttons.select_weapon;
   const bool slot_pressed = slot >= 0 && slot < kSlotCount && slot != player.select_weapon_down;
-  const bool cycles = buttons.select_next_weapon != buttons.select_previous_weapon;
-  const bool cycle_pressed = cycles && !player.weapon_key_down;
+  // A key counts when it goes down while the other is up, or with it.
+  const bool next = buttons.select_next_weapon, previous = buttons.select_previous_weapon;
+  const bool goes_down = (next && !player.next_weapon_down) || (previous && !player.previous_weapon_down);
+  const bool stays_down = (next && player.next_weapon_down) || (previous && player.previous_weapon_down);
+  const bool cycle_pressed = goes_down && !stays_down;
   player.select_weapon_down = slot;
-  player.weapon_key_down = buttons.select_next_weapon || buttons.select_previous_weapon;
+  player.next_weapon_down = next, player.previous_weapon_down = previous;
   if (!player.alive) return;
   uint32_t chosen = kNoType;
   if (slot_pressed) chosen = pick_from_slot(world, player_index, slot);
-  if (cycle_pressed) chosen = pick_neighbour(world, player_index, buttons.select_next_weapon ? 1 : -1);
+  if (cycle_pressed) chosen = pick_neighbour(world, player_index, previous ? -1 : 1);
   if (chosen != kNoType && chosen != player.ready_weapon) player.pending_weapon = chosen;
 }
 
@@ -324,14 +327,14 @@ void tic_weapon(World& world, int player_index) {
   if ((player.weapon_permissions & kMaySwitch) != 0 && (player.pending_weapon != kNoType || !player.alive))
     drop_weapon(world, player_index);
   const bool fires = player.buttons.attack && (player.weapon_permissions & kMayFire) != 0;
-  const bool fires_alternately = !fires && player.buttons.alt_attack &&
-                                 (player.weapon_permissions & kMayFireAlternately) != 0 &&
-                                 label_of(world, player.ready_weapon, StateLabel::kAltFire) != kNoState;
+  const bool fires_alternately =
+      !fires && player.buttons.alt_attack && (player.weapon_permissions & kMayFireAlternately) != 0;
   if (fires || fires_alternately) {
     if ((player.weapon_permissions & kTriggerHeld) == 0 ||
         !has_flag(world, player.ready_weapon, ActorFlag::kWeaponNoAutoFire)) {
-      player.weapon_permissions |= kTriggerHeld;
-      fire_weapon(world, player_index, fires_alternately);
+      player.weapon_permissions |= kTriggerHeld;  // also by the trigger of an AltFire that it has not
+      if (fires || label_of(world, player.ready_weapon, StateLabel::kAltFire) != kNoState)
+        fire_weapon(world, player_index, fires_alternately);
     }
   } else if ((player.weapon_permissions & (kMayFire | kMayFireAlternately)) != 0) {
     player.weapon_permissions &= static_cast<uint8_t>(~kTriggerHeld);

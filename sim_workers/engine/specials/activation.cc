@@ -27,9 +27,8 @@ uint32_t wanted_flag(Activation how, Kind kind, bool back_side) {
     case Activation::kMonsterCross:
     case Activation::kMissileCross:
     case Activation::kAnyCross:
-      return kLineAnyCross | (kind == Kind::kPlayer    ? kLinePlayerCross
-                              : kind == Kind::kMissile ? kLineMissileCross
-                                                       : kLineMonsterCross);
+      if (kind == Kind::kMissile) return kLineMissileCross;  // also not "any"
+      return kLineAnyCross | (kind == Kind::kPlayer ? kLinePlayerCross : kLineMonsterCross);
     case Activation::kUse:
     case Activation::kUseBack:
     case Activation::kMonsterUse:

@@ -254,6 +254,7 @@ int32_t set_player_property(World& world, const SpecialCall& call) {
   const auto set = [&](Player& player) {
     if (which == kFrozen) player.frozen = on;
     if (which == kNoTarget) player.no_target = on;
+    if (which == kInstantWeaponSwitch) player.instant_switch = on;
     if (which == kTotallyFrozen) player.totally_frozen = on;
     if (which == kBuddha) player.buddha = on;
     if (which == kFly) {

@@ -79,9 +79,10 @@ struct Player {
   // The hand.
   uint32_t ready_weapon = kNoType, pending_weapon = kNoType;  ///< pending kNoType: no change asked for
   std::array<WeaponSprite, 2> weapon_sprites{};               ///< weapon, flash
-  bool fires_alternately = false;  ///< the shot under way, or the last one, is AltFire's
-  int32_t refire = 0;              ///< shots of the present burst before this one
-  bool attack_down = false, use_down = false, weapon_key_down = false;  ///< held since the last tic
+  bool fires_alternately = false;              ///< the shot under way, or the last one, is AltFire's
+  int32_t refire = 0;                          ///< shots of the present burst before this one
+  bool attack_down = false, use_down = false;  ///< held since the last tic
+  bool next_weapon_down = false, previous_weapon_down = false;
   int32_t extra_light = 0;
   bool weapon_ready = false;       ///< a state of WeaponReady lasts: it may fire (ViZDoom's ATTACK_READY)
   uint8_t weapon_permissions = 0;  ///< WeaponPermission bits
@@ -108,6 +109,7 @@ struct Player {
   Fixed bob = 0;                 ///< strength of the bob, grows with the square of the speed
   bool frozen = false, totally_frozen = false, no_clip = false, god_mode = false, buddha = false,
        no_target = false;
+  bool instant_switch = false;  ///< weapons go down and come up within a tic
 
   // What the screen shows.
   int32_t damage_flash = 0;              ///< red, counts down a tic at a time

@@ -7,8 +7,10 @@
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/actors/decorate.h"
+#include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/missiles.h"
 #include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/spawning.h"
@@ -748,6 +750,84 @@ TEST(VizdoomRules, WhoDucksTakesWhatLiesThere) {
   crouch.crouch = true;
   game.tic(crouch);
   EXPECT_EQ(game.world.find_thing(5), nullptr);
+}
+
+// Probe: a rocket, and a walk, over a line with anycross, and with missilecross.
+TEST(VizdoomRules, NoMissileIsAnybodyWhoCrosses) {
+  for (const uint32_t flag : {kLineAnyCross, kLineMissileCross})
+    for (const bool missile : {false, true}) {
+      test::LevelBuilder room;
+      const uint32_t hall = room.sector(0, 256), strip = room.sector(0, 256);
+      room.room(hall, 0, -256, 1024, 256).island(strip, hall, 256, -200, 512, 200).thing(1, 128, 0);
+      room.line(4).special = 243, room.line(4).flags |= flag;
+      Game game(room.build());
+      Buttons walk;
+      walk.forward = walk.speed = true;
+      if (missile)
+        spawn_player_missile(game.world, game.body(), game.world.catalog().find("Rocket").value(), 0, 0, 0,
+                             0);
+      for (int tic = 0; tic < 40 && !game.world.level_exited(); ++tic) game.tic(missile ? Buttons() : walk);
+      EXPECT_EQ(game.world.level_exited(), missile == (flag == kLineMissileCross));
+    }
+}
+
+// Probe: a step at x = 256 and, at its corner, a line along the way with playerpush: the box would have lain on both.
+TEST(VizdoomRules, WhoIsStoppedPushesAllLinesThatItsBoxWouldTouch) {
+  test::LevelBuilder room;
+  const uint32_t hall = room.sector(0, 256), block = room.sector(72, 256);
+  room.room(hall, 0, -256, 1024, 256).island(block, hall, 256, 8, 512, 200).thing(1, 128, 0);
+  room.line(7).special = 243, room.line(7).flags |= kLinePlayerPush;
+  Game game(room.build());
+  Buttons walk;
+  walk.forward = true;
+  for (int tic = 0; tic < 60 && !game.world.level_exited(); ++tic) game.tic(walk);
+  EXPECT_TRUE(game.world.level_exited());
+}
+
+// Probe: things on the four sides of a square island of 72: those on its west and south sides stand below it.
+TEST(VizdoomRules, APointOnALineLiesWestOrSouthOfIt) {
+  test::LevelBuilder room;
+  const uint32_t hall = room.sector(0, 256), high = room.sector(72, 256);
+  room.room(hall, 0, -512, 1024, 512).island(high, hall, 400, -100, 600, 100);
+  const auto level = room.build();
+  const auto at = [&](int x, int y) { return level->index->sectors.sector_at(to_fixed(x), to_fixed(y)); };
+  EXPECT_EQ(at(400, 0), hall);
+  EXPECT_EQ(at(500, -100), hall);
+  EXPECT_EQ(at(600, 0), high);
+  EXPECT_EQ(at(500, 100), high);
+}
+
+// Probe: pistol in hand, fist and shotgun beside it; the two keys in each order.
+TEST(VizdoomRules, ACycleKeyCountsWhileTheOtherIsUp) {
+  struct Case {
+    int next_from, next_to, previous_from, previous_to, slot;
+  };
+  for (const auto& [next_from, next_to, previous_from, previous_to, slot] :
+       {Case{30, 31, 99, 99, 3}, Case{99, 99, 30, 31, 1}, Case{30, 31, 30, 31, 1}, Case{30, 60, 33, 34, 3},
+        Case{33, 34, 30, 60, 1}}) {
+    Game game(plain_room().build());
+    give_item(game.world, 0, game.world.catalog().find("Shotgun").value(), 1);
+    game.world.state().players[0].pending_weapon = kNoType;
+    for (int tic = 0; tic < 80; ++tic) {
+      Buttons keys;
+      keys.select_next_weapon = tic >= next_from && tic < next_to;
+      keys.select_previous_weapon = tic >= previous_from && tic < previous_to;
+      game.tic(keys);
+    }
+    EXPECT_EQ(game.world.catalog()[game.world.player(0).ready_weapon].name, slot == 3 ? "Shotgun" : "Fist");
+  }
+}
+
+// Probe: SetPlayerProperty(0, 1, PROP_INSTANTWEAPONSWITCH): the fist is ready in the tic that asks for it.
+TEST(VizdoomRules, WeaponsMayChangeAtOnce) {
+  Game game(plain_room().build());
+  for (int tic = 0; tic < 30; ++tic) game.tic();
+  game.world.events().run_special(game.world,
+                                  {.number = 191, .args = {0, 1, 2, 0, 0}, .activator = &game.body()});
+  select_weapon(game.world, 0, game.world.catalog().find("Fist").value());
+  game.tic();
+  EXPECT_EQ(game.world.catalog()[game.world.player(0).ready_weapon].name, "Fist");
+  EXPECT_TRUE(game.world.player(0).weapon_ready);
 }
 
 TEST(VizdoomRules, AScriptsScrollFloorIsTagXYMode) {
