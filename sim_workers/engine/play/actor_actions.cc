@@ -2,7 +2,6 @@
 // only sounds or draws is empty here. See actors/action_id.h for the list.
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdlib>
 #include <optional>
 #include <string>
@@ -900,18 +899,16 @@ void action_RadiusGive(ActionCall& call) {
                                                                  : by_class && by_species;
   };
   const auto is_near = [&](const Actor& actor) {
-    const double x = std::abs(static_cast<double>(actor.x) - self.x),
-                 y = std::abs(static_cast<double>(actor.y) - self.y),
-                 z = std::abs(static_cast<double>(actor.z) + actor.height / 2 - self.z - self.height / 2);
-    if (has(kCube)) {
-      const double most = std::max({x, y, z});
-      return most <= distance && (least <= 0 || most >= least);
-    }
-    const double away = std::hypot(x, y, z);
-    return away <= distance && (least <= 0 || away >= least);
+    const int64_t x = std::abs(int64_t{actor.x} - self.x), y = std::abs(int64_t{actor.y} - self.y),
+                  z = std::abs(int64_t{actor.z} + actor.height / 2 - self.z - self.height / 2);
+    const auto square = [](int64_t length) { return static_cast<__int128>(length) * length; };
+    const __int128 away = has(kCube) ? square(std::max({x, y, z})) : square(x) + square(y) + square(z);
+    return away <= square(distance) && (least <= 0 || away >= square(least));
   };
   int32_t count = 0;
-  for (Actor& actor : world.state().actors) {
+  const std::size_t slots = world.actors().size();  // what an item's states spawn gets nothing
+  for (std::size_t slot = 0; slot < slots; ++slot) {
+    Actor& actor = world.state().actors[slot];
     if (actor.removed) continue;
     if (actor.id == self.id) {
       if (!has(kSelf)) continue;

@@ -20,8 +20,8 @@ constexpr int32_t kCountedDamage = 1000;  // ViZDoom counts no greater one: neit
 constexpr int32_t kHoldTargetTics = 100;  // a monster keeps who hurt it last for so long
 constexpr Fixed kThrustMax = to_fixed(200);
 constexpr int32_t kBlastPushMax = 10'000;  // points of damage
-constexpr int kBlastPointBits = 12;        // of a fraction of a point
-constexpr int64_t kBlastPoint = int64_t{1} << kBlastPointBits;
+constexpr int kBlastBits = 14;             // of a blast's push, beyond Fixed's
+constexpr int64_t kBlastPoint = int64_t{kFracUnit} << kBlastBits;
 
 Fixed scale(Fixed factor, int32_t amount) {
   return static_cast<Fixed>(
@@ -49,19 +49,38 @@ void thrust_away(World& world, Actor& target, const Actor& inflictor, int32_t am
   target.push(angle, force);
 }
 
+/// Half a unit a tic for each point of a blast and pound; `points` and the result have kBlastBits more bits than Fixed.
+int64_t blast_thrust(int64_t points, const Actor& target) {
+  constexpr int64_t kMost = int64_t{kThrustMax} << kBlastBits;
+  return std::clamp(points / 2 / target.mass, -kMost, kMost);
+}
+
+/// Away from `spot`; cut towards 0, as in ViZDoom.
+void push_by_blast(Actor& target, const Actor& spot, int64_t thrust) {
+  const Angle way = angle_to(spot.x, spot.y, target.x, target.y);
+  const auto part = [&](Fixed share) {
+    return static_cast<int64_t>(static_cast<__int128>(thrust) * share / (int64_t{kFracUnit} << kBlastBits));
+  };
+  target.velocity_x = clamped_fixed(target.velocity_x + part(fine_cosine(way)));
+  target.velocity_y = clamped_fixed(target.velocity_y + part(fine_sine(way)));
+}
+
 /// What a blast with a source adds to the damage's own push: half a unit a tic for each of its points (16.16, before rounding)
 /// and pound, and as much up for each unit by which the middle of the body lies above it, times 0.8 for its own source and 0.5
 /// for others. Measured in ViZDoom 1.3.2: 13.0033 across and -1.6107 up 33 units from a rocket of one's own.
 void lift(Actor& target, const Actor& spot, const Actor& source, int64_t points) {
-  constexpr Fixed kOfOneself = kFracUnit * 4 / 5, kOfOthers = kFracUnit / 2;
+  constexpr int64_t kOfOneself = 8, kOfOthers = 5;  // tenths
   if (target.mass <= 0 || target.has(ActorFlag::kNoClip) || target.has(ActorFlag::kDontThrust) ||
       spot.has(ActorFlag::kNoDamageThrust))
     return;
-  const auto thrust = static_cast<Fixed>(std::clamp<int64_t>(points / 2 / target.mass, 0, kThrustMax));
-  target.push(angle_to(spot.x, spot.y, target.x, target.y), thrust);
-  const Fixed above = clamped_fixed(int64_t{target.z} + target.height / 2 - spot.z);
-  const Fixed up = fixed_mul(fixed_mul(above, thrust), &target == &source ? kOfOneself : kOfOthers);
-  target.velocity_z = clamped_fixed(int64_t{target.velocity_z} + std::clamp(up, -kThrustMax, kThrustMax));
+  const int64_t thrust = blast_thrust(points, target);
+  push_by_blast(target, spot, thrust);
+  const int64_t above = int64_t{target.z} + target.height / 2 - spot.z;
+  const auto up = static_cast<int64_t>(static_cast<__int128>(thrust) * above *
+                                       (&target == &source ? kOfOneself : kOfOthers) /
+                                       (int64_t{10} << (kFracBits + kBlastBits)));
+  target.velocity_z =
+      clamped_fixed(int64_t{target.velocity_z} + std::clamp<int64_t>(up, -kThrustMax, kThrustMax));
 }
 
 /// Those that a blast may reach.
@@ -99,15 +118,17 @@ int64_t blast_length(const Actor& victim, const Actor& spot) {
                 above = int64_t{spot.z} - (int64_t{victim.z} + victim.height);
   const int64_t rise = std::max<int64_t>({below, above, 0});
   if (rise <= 0) return length;
-  const double squared = static_cast<double>(length >> 8) * static_cast<double>(length >> 8) +
-                         static_cast<double>(rise >> 8) * static_cast<double>(rise >> 8);
-  return static_cast<int64_t>(std::sqrt(squared)) << 8;  // exact integers below 2^53: the same everywhere
+  const double squared = static_cast<double>(length) * static_cast<double>(length) +
+                         static_cast<double>(rise) * static_cast<double>(rise);
+  return static_cast<int64_t>(std::sqrt(squared));  // correctly rounded: the same everywhere
 }
 
 /// Whole up to `full`, from there on linear to nothing at `distance`.
 int64_t weakened(int64_t whole, int64_t length, Fixed distance, Fixed full) {
   full = std::clamp<Fixed>(full, 0, distance - 1);
-  return length > full ? whole * (distance - length) / (distance - full) : whole;
+  return length > full
+             ? static_cast<int64_t>(static_cast<__int128>(whole) * (distance - length) / (distance - full))
+             : whole;
 }
 
 /// The monster turns on who hurt it, unless it holds on to somebody else.
@@ -309,8 +330,7 @@ void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fix
     if (points > 0) damage_actor(world, *victim, &spot, source, points, type);
     if (world.actor(spot_id) == nullptr) return;
     victim = world.actor(victim_id);
-    if (source != nullptr && victim != nullptr)
-      lift(*victim, spot, *source, push << (kFracBits - kBlastPointBits));
+    if (source != nullptr && victim != nullptr) lift(*victim, spot, *source, push);
   }
 }
 
@@ -325,11 +345,9 @@ void radius_thrust(World& world, const Actor& spot, int32_t force, Fixed distanc
     if (!affects_source && (victim->id == spot.id || victim->id == spot.target_id)) continue;
     const int64_t length = blast_length(*victim, spot);
     if (length >= distance || !can_see(world, *victim, spot)) continue;
-    const int64_t push = weakened(int64_t{std::clamp(force, -kBlastPushMax, kBlastPushMax)} * kBlastPoint,
-                                  length, distance, full_distance);
-    const int64_t thrust = push * (1 << (kFracBits - kBlastPointBits)) / 2 / victim->mass;
-    victim->push(angle_to(spot.x, spot.y, victim->x, victim->y),
-                 static_cast<Fixed>(std::clamp<int64_t>(thrust, -kThrustMax, kThrustMax)));
+    const int64_t points = weakened(int64_t{std::clamp(force, -kBlastPushMax, kBlastPushMax)} * kBlastPoint,
+                                    length, distance, full_distance);
+    push_by_blast(*victim, spot, blast_thrust(points, *victim));
   }
 }
 
