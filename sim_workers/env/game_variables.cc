@@ -99,8 +99,7 @@ double read_variable(const doom::World& world, int player, const scenarios::Game
     case VariableKind::kPlayerCount:
       return world.player_count();
     case VariableKind::kPlayerFragCount:
-      return world.player_count() > 1 &&
-                     variable.index <= world.player_count()  // as ViZDoom: 0 for one alone
+      return world.is_multiplayer() && variable.index <= world.player_count()  // as ViZDoom: 0 for one alone
                  ? world.player(variable.index - 1).frag_count
                  : 0;
     case VariableKind::kUser:

@@ -266,7 +266,7 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source, Da
   if (!target.has(ActorFlag::kIceCorpse))
     world.link(target);  // a monster blocks until its fall (A_NoBlocking)
 
-  if (target.has(ActorFlag::kCountKill)) ++state.kill_total;
+  if (target.has(ActorFlag::kCountKill) && !target.has(ActorFlag::kFriendly)) ++state.kill_total;
   if (source != nullptr) target.target_id = source->id;  // whom a script finds behind the death
   // The dead one's special is the killer's deed.
   if (target.special != 0 && (!target.has(ActorFlag::kSpecial) || target.has(ActorFlag::kIsMonster)))

@@ -148,9 +148,10 @@ void apply_thing_fields(World& world, const MapThing& thing, Actor& actor) {
     actor.set(ActorFlag::kFriendly);
   }
   if (is(kThingCountSecret)) actor.set(ActorFlag::kCountSecret);
-  if (is(kThingShadow)) actor.render_style = RenderStyle::kTranslucent, actor.alpha = 0.25f;
   if (is(kThingInvisible)) actor.render_style = RenderStyle::kNone;
   if (thing.alpha >= 0) actor.alpha = thing.alpha;
+  if (is(kThingShadow))
+    actor.render_style = RenderStyle::kTranslucent, actor.alpha = 0.25f;  // goes before both in ViZDoom
   actor.scale_x = scaled(actor.scale_x, thing.scale_x), actor.scale_y = scaled(actor.scale_y, thing.scale_y);
   actor.pitch = degrees_to_angle(thing.pitch_degrees);
   actor.score = thing.score;

@@ -653,6 +653,30 @@ TEST(VizdoomRules, ATelefragIsNoHit) {
 }
 
 // Probe: Scroll_Floor(1, -25, 33, 1) of a script: a thing on that floor moves with -4 350 and 5 742 after its first tic.
+// Probe: a friend that dies, also one that is dead when the map begins: KILLCOUNT stays 0.
+TEST(VizdoomRules, AFriendsDeathIsNoKill) {
+  for (const bool is_friend : {false, true}) {
+    test::LevelBuilder room = plain_room();
+    MapThing thing;
+    if (is_friend) thing.flags = kThingFriend;
+    room.thing(3005, 600, 0, 0, 5, thing);
+    Game game(room.build());
+    damage_actor(game.world, *game.world.find_thing(5), nullptr, nullptr, 1000);
+    EXPECT_EQ(game.world.state().kill_total, is_friend ? 0 : 1);
+  }
+}
+
+// Probe: things with translucent beside alpha = 0.5 and invisible: APROP_Alpha is a quarter, APROP_RenderStyle translucent.
+TEST(VizdoomRules, TranslucentGoesBeforeAlphaAndInvisible) {
+  test::LevelBuilder room = plain_room();
+  MapThing thing;
+  thing.flags = kThingShadow | kThingInvisible, thing.alpha = 0.5f;
+  room.thing(2011, 600, 0, 0, 5, thing);
+  Game game(room.build());
+  EXPECT_EQ(game.world.find_thing(5)->alpha, 0.25f);
+  EXPECT_EQ(game.world.find_thing(5)->render_style, RenderStyle::kTranslucent);
+}
+
 // Probe: Thing_Damage of each amount: DAMAGE_TAKEN and HITS_TAKEN.
 TEST(VizdoomRules, NoDamageAboveAThousandIsCounted) {
   for (const auto& [amount, counted] :
