@@ -438,17 +438,15 @@ class ConfigReader {
   /// Arguments of the engine's command line: switches, and console variables as `+name value`.
   Status read_arguments() {
     GameRules& rules = config_->rules;
-    // What ViZDoom's player may do by default.
     rules.skill = config_->skill;
-    rules.autoaim = rules.free_look = true;
-    rules.allow_crouch = rules.allow_jump = true;
     wad::GameFlags& flags = rules.flags;
     std::optional<int> respawn_tics;
+    int time_limit_tics = 0;  // 0: none
     const std::pair<const char*, std::function<void(double)>> variables[] = {
         {"dmflags", [&](double value) { flags.bits = (flags.bits >> 32 << 32) | bits_of(value); }},
         {"dmflags2", [&](double value) { flags.bits = (flags.bits & 0xffff'ffffu) | bits_of(value) << 32; }},
         {"cl_run", [&](double value) { rules.always_run = value != 0; }},
-        {"timelimit", [&](double value) { config_->time_limit_tics = tics_of(value * 60); }},
+        {"timelimit", [&](double value) { time_limit_tics = tics_of(value * 60); }},
         {"fraglimit",
          [&](double value) { rules.frag_limit = static_cast<int>(std::clamp(value, 0.0, 1e6)); }},
         {"sv_gravity", [&](double value) { rules.gravity = std::clamp(value, 0.0, 80'000.0) / 800; }},
@@ -456,12 +454,13 @@ class ConfigReader {
         {"viz_respawn_delay", [&](double value) { respawn_tics = tics_of(value); }},
         {"skill", [&](double value) { rules.skill = static_cast<int>(std::clamp(value, 0.0, 4.0)) + 1; }},
     };
-    const auto set_variable = [&](std::string_view name, double value) {
+    const auto setter_of = [&](const std::string& name) -> std::function<void(double)> {
       for (const auto& [known, set] : variables)
-        if (folded(known) == name) return set(value), true;
+        if (folded(known) == name) return set;
       for (const wad::GameFlagName& known : wad::kGameFlagNames)
-        if (folded(known.variable) == name) return flags.set(known.flag, value != 0), true;
-      return false;
+        if (folded(known.variable) == name)
+          return [&flags, flag = known.flag](double value) { flags.set(flag, value != 0); };
+      return nullptr;
     };
     for (std::size_t i = 0; i < arguments_.size(); ++i) {
       const auto& word = arguments_[i].word;
@@ -494,22 +493,30 @@ class ConfigReader {
         const std::string value_text = has_value ? arguments_[++i].word : "";
         const std::string variable = folded(std::string_view(word).substr(1));
         if (shows_only(variable)) continue;
-        double value = 1;
-        const auto [end, code] =
-            std::from_chars(value_text.data(), value_text.data() + value_text.size(), value);
-        const bool is_number = !has_value || (code == std::errc() && std::isfinite(value) &&
-                                              end == value_text.data() + value_text.size());
-        if (!set_variable(variable, is_number ? value : 0)) {
+        const auto set = setter_of(variable);
+        if (set == nullptr) {
           warn(entry, "game_args: " + shown(word) + " is not known and is ignored");
-        } else if (!is_number) {
-          return error(
-              entry, "game_args: " + shown(word) + " " + shown(value_text) + "; its value must be a number");
+          continue;
         }
+        double value = 1;
+        if (has_value) {
+          const auto [end, code] =
+              std::from_chars(value_text.data(), value_text.data() + value_text.size(), value);
+          if (code != std::errc() || end != value_text.data() + value_text.size() || !std::isfinite(value))
+            return error(entry, "game_args: " + shown(word) + " " + shown(value_text) +
+                                    "; its value must be a number");
+        }
+        set(value);
       } else {
         warn(entry, "game_args: " + shown(word) + " is not known and is ignored");
       }
     }
-    using enum wad::GameFlag;
+    rules.start_tics = std::max(rules.start_tics, 1);
+    if (time_limit_tics > 0) {  // counted from the map's start, unlike the timeout
+      const int limit = std::max(time_limit_tics - rules.start_tics, 1);
+      config_->timeout_tics = config_->timeout_tics > 0 ? std::min(config_->timeout_tics, limit) : limit;
+    }
+    using enum wad::GameFlag;  // without them, what ViZDoom's player may do by default
     rules.no_monsters |= flags.has(kNoMonsters);
     rules.infinite_ammo = flags.has(kInfiniteAmmo);
     rules.autoaim = !flags.has(kNoAutoaim);
@@ -549,11 +556,6 @@ Expected<VizdoomConfig> parse_vizdoom_config(std::string_view text, const std::s
   COMRAD_TRY_ASSIGN(const std::vector<Entry> entries, read_entries(text, path));
   VizdoomConfig config;
   COMRAD_TRY(ConfigReader(path, &config).read(entries));
-  config.rules.start_tics = std::max(config.rules.start_tics, 1);
-  if (config.time_limit_tics > 0) {  // counted from the map's start, unlike the timeout
-    const int limit = std::max(config.time_limit_tics - config.rules.start_tics, 1);
-    config.timeout_tics = config.timeout_tics > 0 ? std::min(config.timeout_tics, limit) : limit;
-  }
   return config;
 }
 

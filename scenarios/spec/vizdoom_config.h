@@ -53,8 +53,7 @@ struct VizdoomConfig {
   GameRules rules;  ///< from doom_skill, episode_start_time (at least 1 tic) and game_args
   bool forced_respawn = false;
   int respawn_delay_tics = 0;
-  int time_limit_tics = 0;  ///< timelimit; 0: none
-  int host_count = 0;       ///< players that -host waits for; 0: not said, no network game
+  int host_count = 0;  ///< players that -host waits for; 0: not said, no network game
   VizdoomBuffers buffers;
   std::vector<std::string> warnings;         ///< "path:line: ..." of what is not understood or not served
   std::vector<std::string> buffer_warnings;  ///< the same of `buffers`, for whom they are not served

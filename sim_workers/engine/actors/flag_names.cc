@@ -138,11 +138,12 @@ constexpr std::pair<std::string_view, int32_t> kConstants[] = {
     // LookEx
     {"lof_nosightcheck", 1}, {"lof_nosoundcheck", 2}, {"lof_dontchasegoal", 4}, {"lof_noseesound", 8},
     {"lof_fullvolseesound", 16}, {"lof_nojump", 32},
-    // SpawnItemEx
+    // RadiusGive
     {"rgf_giveself", 1}, {"rgf_players", 2}, {"rgf_monsters", 4}, {"rgf_objects", 8}, {"rgf_voodoo", 16},
     {"rgf_corpses", 32}, {"rgf_notarget", 64}, {"rgf_notracer", 128}, {"rgf_nomaster", 256}, {"rgf_cube", 512},
     {"rgf_nosight", 1024}, {"rgf_missiles", 2048}, {"rgf_inclusive", 4096}, {"rgf_items", 8192},
     {"rgf_killed", 16384}, {"rgf_exfilter", 32768}, {"rgf_exspecies", 65536}, {"rgf_either", 131072},
+    // SpawnItemEx
     {"sxf_transfertranslation", 1}, {"sxf_absoluteposition", 2}, {"sxf_absoluteangle", 4},
     {"sxf_absolutevelocity", 8}, {"sxf_absolutemomentum", 8}, {"sxf_setmaster", 16},
     {"sxf_nocheckposition", 32}, {"sxf_telefrag", 64}, {"sxf_clientside", 128},

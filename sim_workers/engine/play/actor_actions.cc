@@ -188,6 +188,14 @@ void set_alpha(Actor& actor, Fixed alpha) {
     actor.render_style = RenderStyle::kTranslucent;
 }
 
+/// A player that an action stopped does not sway on.
+void settle(ActionCall& call) {
+  const Actor& self = call.self;
+  Player* const player = call.world.player_of(self);
+  if (player != nullptr && self.velocity_x == 0 && self.velocity_y == 0 && self.velocity_z == 0)
+    player->walk_x = player->walk_y = 0;
+}
+
 void remove_self(ActionCall& call) {
   if (call.self.player_index < 0) call.world.remove(call.self.id);
 }
@@ -1000,14 +1008,6 @@ void action_SetScale(ActionCall& call) {
 }
 
 // ---------------------------------------------------------------- motion
-
-/// A player that an action stopped does not sway on.
-void settle(ActionCall& call) {
-  const Actor& self = call.self;
-  if (self.player_index < 0 || self.velocity_x != 0 || self.velocity_y != 0 || self.velocity_z != 0) return;
-  Player& player = call.world.state().players[static_cast<std::size_t>(self.player_index)];
-  player.walk_x = player.walk_y = 0;
-}
 
 void action_ScaleVelocity(ActionCall& call) {
   const int64_t factor = call.fixed(0, kFracUnit);

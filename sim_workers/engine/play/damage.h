@@ -41,7 +41,7 @@ void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fix
 void radius_thrust(World& world, const Actor& spot, int32_t force, Fixed distance, bool affects_source,
                    Fixed full_distance = 0);
 
-/// Heals up to `limit` (0: the type's own health). Returns what was gained.
+/// Heals up to `limit` (0: a player's class, another actor's health when it was born). Returns what was gained.
 int32_t heal_actor(World& world, Actor& actor, int32_t amount, int32_t limit = 0);
 
 /// Runs the special of an actor that died or was picked up; clears it.

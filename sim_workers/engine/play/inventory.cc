@@ -348,6 +348,55 @@ bool in_range(const World& world, int player, uint32_t type) {
   return player >= 0 && player < world.player_count() && type < world.catalog().size();
 }
 
+/// Place of `type` among what a class begins with.
+std::optional<std::size_t> start_place(const std::vector<DropItem>& start_items, uint32_t type) {
+  for (std::size_t i = 0; i < start_items.size(); ++i)
+    if (start_items[i].type == type) return i;
+  return std::nullopt;
+}
+
+/// What `player` has again of what it had before it died: all but powers, and but what the game's flags take.
+void keep_items(const World& world, const Player& before, const std::vector<DropItem>& start_items,
+                Player& player) {
+  using enum wad::GameFlag;
+  const auto start_amount = [&](uint32_t type) {
+    const auto place = start_place(start_items, type);
+    return place ? std::max(start_items[*place].amount, 1) : 0;
+  };
+  player.has_backpack = before.has_backpack;
+  if (!world.has(kLoseArmor))
+    player.armor = before.armor, player.armor_save = before.armor_save, player.armor_type = before.armor_type;
+  for (InventoryItem item : before.inventory) {
+    const ItemClass kind = world.catalog()[item.type].item_class;
+    if (kind == ItemClass::kKey && world.has(kLoseKeys)) continue;
+    if (kind == ItemClass::kWeapon && world.has(kLoseWeapons) && start_amount(item.type) == 0) continue;
+    if (kind == ItemClass::kAmmo) {
+      if (world.has(kLoseAmmo)) item.amount = start_amount(item.type);
+      if (world.has(kHalveAmmo)) item.amount = std::max(item.amount / 2, start_amount(item.type));
+    }
+    player.inventory.push_back(item);
+  }
+}
+
+/// Whether ClearInventory, which begins with what was taken last, comes to another weapon after that in the hand. Of what a player
+/// begins with the last counts as the first taken.
+bool loses_others_after(const World& world, const Player& player) {
+  const Actor* body = world.find_actor(player.actor_id);
+  if (body == nullptr) return false;
+  const auto order = [&](std::size_t index) {
+    const auto place = start_place(world.type_of(*body).start_items, player.inventory[index].type);
+    return place ? -static_cast<int64_t>(*place) - 1 : static_cast<int64_t>(index);
+  };
+  std::optional<int64_t> held, first;
+  for (std::size_t i = 0; i < player.inventory.size(); ++i) {
+    const InventoryItem& item = player.inventory[i];
+    if (item.amount <= 0 || world.catalog()[item.type].item_class != ItemClass::kWeapon) continue;
+    if (item.type == player.ready_weapon) held = order(i);
+    first = std::min(first.value_or(order(i)), order(i));
+  }
+  return held && *first < *held;
+}
+
 /// Of the map, not of a script or a monster: an entry of THINGS stands where it was born.
 bool is_of_the_map(const World& world, const Actor& item) {
   if (item.has(ActorFlag::kDropped) || item.has(ActorFlag::kTossed)) return false;
@@ -512,31 +561,6 @@ void set_max_item(World& world, int player_index, uint32_t type, int32_t max_amo
   add_ammo_slot(world, player_at(world, player_index), type).max_amount = std::max(max_amount, 0);
 }
 
-namespace {
-
-/// Whether ClearInventory, which begins with what was taken last, comes to another weapon after that in the hand. Of what a player
-/// begins with the last counts as the first taken.
-bool loses_others_after(const World& world, const Player& player) {
-  const Actor* body = world.find_actor(player.actor_id);
-  if (body == nullptr) return false;
-  const std::vector<DropItem>& start = world.type_of(*body).start_items;
-  const auto order = [&](std::size_t index) {
-    for (std::size_t i = 0; i < start.size(); ++i)
-      if (start[i].type == player.inventory[index].type) return -static_cast<int64_t>(i) - 1;
-    return static_cast<int64_t>(index);
-  };
-  std::optional<int64_t> held, first;
-  for (std::size_t i = 0; i < player.inventory.size(); ++i) {
-    const InventoryItem& item = player.inventory[i];
-    if (item.amount <= 0 || world.catalog()[item.type].item_class != ItemClass::kWeapon) continue;
-    if (item.type == player.ready_weapon) held = order(i);
-    first = std::min(first.value_or(order(i)), order(i));
-  }
-  return held && *first < *held;
-}
-
-}  // namespace
-
 void clear_inventory(World& world, int player_index) {
   if (player_index < 0 || player_index >= world.player_count()) return;
   Player& player = player_at(world, player_index);
@@ -564,54 +588,29 @@ void clear_inventory(World& world, int player_index) {
   empty_hand(world, player_index, had_others);
 }
 
-void give_start_items(World& world, int player_index) {
-  if (player_index < 0 || player_index >= world.player_count()) return;
+void give_start_items(World& world, int player_index, const Player* before) {
   Player& player = player_at(world, player_index);
-  const Actor* body = world.find_actor(player.actor_id);
+  const Actor* body = world.actor(player.actor_id);
   if (body == nullptr) return;
   player.inventory.reserve(kInventoryReserve);
   player.powers.reserve(static_cast<std::size_t>(PowerKind::kCount));
-  for (const DropItem& start : world.type_of(*body).start_items) {
-    if (start.type >= world.catalog().size()) continue;
-    const ActorType& info = world.catalog()[start.type];
-    const bool armor = info.item_class == ItemClass::kArmor || info.item_class == ItemClass::kArmorBonus;
-    const int32_t amount = armor ? 1 : start.amount > 0 ? start.amount : info.amount;
-    give(world, player_index, start.type, {.amount = amount, .exact = true, .without_ammo = true});
+  const std::vector<DropItem>& start_items = world.type_of(*body).start_items;
+  if (before != nullptr) {
+    keep_items(world, *before, start_items, player);
+  } else {
+    for (const DropItem& start : start_items) {
+      if (start.type >= world.catalog().size()) continue;
+      const ActorType& info = world.catalog()[start.type];
+      const bool armor = info.item_class == ItemClass::kArmor || info.item_class == ItemClass::kArmorBonus;
+      const int32_t amount = armor ? 1 : start.amount > 0 ? start.amount : info.amount;
+      give(world, player_index, start.type, {.amount = amount, .exact = true, .without_ammo = true});
+    }
   }
   if (world.options().deathmatch)
     for (const std::string_view key : kKeyNames)
       if (const std::optional<uint32_t> type = world.catalog().find(key))
         give(world, player_index, *type, {.amount = 1, .exact = true});
   player.ready_weapon = kNoType;
-  player.pending_weapon = best_weapon(world, player_index);
-}
-
-void give_kept_items(World& world, int player_index, const Player& before) {
-  using enum wad::GameFlag;
-  Player& player = player_at(world, player_index);
-  const Actor* body = world.actor(player.actor_id);
-  if (body == nullptr) return;
-  const std::vector<DropItem>& start_items = world.type_of(*body).start_items;
-  const auto start_amount = [&](uint32_t type) {
-    for (const DropItem& start : start_items)
-      if (start.type == type) return std::max(start.amount, 1);
-    return 0;
-  };
-  player.inventory.reserve(kInventoryReserve);
-  player.powers.reserve(static_cast<std::size_t>(PowerKind::kCount));
-  player.has_backpack = before.has_backpack;
-  if (!world.has(kLoseArmor))
-    player.armor = before.armor, player.armor_save = before.armor_save, player.armor_type = before.armor_type;
-  for (InventoryItem item : before.inventory) {
-    const ItemClass kind = world.catalog()[item.type].item_class;
-    if (kind == ItemClass::kKey && world.has(kLoseKeys)) continue;
-    if (kind == ItemClass::kWeapon && world.has(kLoseWeapons) && start_amount(item.type) == 0) continue;
-    if (kind == ItemClass::kAmmo) {
-      if (world.has(kLoseAmmo)) item.amount = start_amount(item.type);
-      if (world.has(kHalveAmmo)) item.amount = std::max(item.amount / 2, start_amount(item.type));
-    }
-    player.inventory.push_back(item);
-  }
   player.pending_weapon = best_weapon(world, player_index);
 }
 

@@ -37,10 +37,9 @@ int32_t count_item(const World& world, int player,
 int32_t max_item(const World& world, int player, uint32_t type);
 void set_max_item(World& world, int player, uint32_t type, int32_t max_amount);  ///< SetAmmoCapacity
 void clear_inventory(World& world, int player);
-void give_start_items(World& world, int player);
-/// What one who died in a cooperative game of the network has again of what it had: all but powers, and but what the game's flags
-/// take.
-void give_kept_items(World& world, int player, const Player& before);
+/// What a fresh body has: the items of its class, or, where `before` says what the player had when it died, what it keeps of that
+/// by the game's flags.
+void give_start_items(World& world, int player, const Player* before);
 bool has_key(const World& world, const Actor& actor,
              int32_t lock);  ///< lock numbers as in Door_LockedRaise; 0 is open
 void tic_powers(World& world, int player);

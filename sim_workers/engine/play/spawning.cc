@@ -26,7 +26,7 @@ std::vector<const MapThing*> deathmatch_starts_of(const World& world) {
   return starts;
 }
 
-/// The one that is farthest from the nearest of the other players who are alive; the first, where there is none.
+/// Index of the start with the most room to the nearest other living player; the first, where there is none.
 std::size_t farthest_start(const World& world, int index, const std::vector<const MapThing*>& starts) {
   const auto room = [&](const MapThing& start) {
     Fixed nearest = INT32_MAX;
@@ -64,11 +64,7 @@ void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle, const 
   player.attack_z_offset = type.attack_z_offset;
   player.view_height = player.eye_height;
   player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
-  if (before != nullptr) {
-    give_kept_items(world, index, *before);
-  } else {
-    give_start_items(world, index);
-  }
+  give_start_items(world, index, before);
   if (world.is_multiplayer() && world.has(wad::GameFlag::kRespawnProtection))
     player.powers.push_back(
         {PowerKind::kInvulnerable, kNoType, kProtectionTics - (player.respawn_count > 0 ? 1 : 0)});
@@ -176,7 +172,7 @@ void spawn_players(World& world) {
       if (wants_own && player_of_start(thing.editor_number) == index)
         start = &thing;  // the last of a number counts, as in Doom
     if (start == nullptr && !deathmatch_starts.empty()) {
-      // One who plays alone takes the first; of several each draws one of those that are free.
+      // A lone player takes the first; each of several draws one of those that are free.
       const std::size_t drawn =
           world.player_count() == 1 ? 0
           : world.has(wad::GameFlag::kSpawnFarthest)

@@ -39,7 +39,7 @@ bool has_ammo_for(const World& world, int player, uint32_t weapon_type, bool alt
 void switch_for_ammo(World& world, int player, uint32_t ammo_type);
 /// The weapon left the inventory: the hand is empty, or another weapon comes up.
 void forget_weapon(World& world, int player, uint32_t type);
-/// The hand holds nothing at once. `had_others`: the player had a weapon besides.
+/// The hand holds nothing at once. `had_others`: the player had another weapon to bring up.
 void empty_hand(World& world, int player, bool had_others);
 
 }  // namespace comrad::doom

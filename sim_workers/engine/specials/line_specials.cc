@@ -14,12 +14,12 @@
 namespace comrad::doom {
 namespace {
 
-/// Ends the level, where the game's flags let `who` end it.
-bool leave_level(World& world, Actor* who) {
+/// Ends the level unless the game's flags forbid it.
+bool leave_level(World& world, Actor* activator) {
   if (world.has(wad::GameFlag::kExitAfterMonsters) && world.state().kill_total < world.state().monster_count)
     return false;
   if (world.options().deathmatch && world.has(wad::GameFlag::kNoExit)) {
-    if (who != nullptr) damage_actor(world, *who, who, who, kTelefragDamage, DamageType::kNormal);
+    if (activator != nullptr) damage_actor(world, *activator, activator, activator, kTelefragDamage);
     return false;
   }
   world.exit_level();

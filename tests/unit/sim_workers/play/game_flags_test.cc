@@ -2,6 +2,7 @@
 // by tic, with `game_args` of one flag each.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -84,17 +85,23 @@ TEST(GameFlags, ItemsComeBackAlsoWithoutADeathmatch) {
   for (const bool powers_too : {false, true}) {
     test::LevelBuilder map = room();
     map.thing(kShells, 128, 0).thing(kBlurSphere, 128, 0);
-    Game game(map, {GameFlag::kItemsReturn});
-    game.world.state().players[0].powers.clear();
-    if (powers_too) {
-      game = Game(map, {GameFlag::kItemsReturn, GameFlag::kPowersReturn});
-    }
+    std::vector<GameFlag> flags = {GameFlag::kItemsReturn};
+    if (powers_too) flags.push_back(GameFlag::kPowersReturn);
+    Game game(map, flags);
     Buttons walk;
     walk.forward = true;
     game.tics(30, walk);
     EXPECT_EQ(game.has("Shell"), 4);
     EXPECT_EQ(game.count("Shell"), 1) << "it is hidden";
     EXPECT_EQ(game.count("BlurSphere"), powers_too ? 1 : 0);
+    const auto lies_there = [&] {
+      for (const Actor& actor : game.world.actors())
+        if (actor.type == game.type("Shell")) return actor.has(ActorFlag::kSpecial);
+      return false;
+    };
+    EXPECT_FALSE(lies_there());
+    game.tics(1060);
+    EXPECT_TRUE(lies_there());
   }
 }
 
