@@ -26,7 +26,7 @@ ordered_json to_json(const MergedSettings& merged, const std::optional<replay::R
   ordered_json settings = ordered_json::object();
   for (const SettingRow& row : setting_rows()) {
     const std::string text = row.text(merged.config), name(row.name);
-    settings[name] = {{"value", row.is_text() ? ordered_json(text) : ordered_json::parse(text)},
+    settings[name] = {{"value", row.is_text(text) ? ordered_json(text) : ordered_json::parse(text)},
                       {"from", merged.from.at(name)}};
   }
   ordered_json document = {{"settings", settings}};

@@ -12,6 +12,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/reward_weights.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
@@ -30,6 +31,12 @@ void choose_maps(const std::string& maps, RunConfig& config) {
   }
   config.environment.layout_pool = kHeldOutPool;
   config.environment.wad.clear();
+}
+
+/// The settings with the scenario's own rewards where theirs come in stages, which help learning and are not what counts.
+MergedSettings with_own_rewards(MergedSettings merged) {
+  if (has_reward_schedule(merged.config.environment.reward)) merged.config.environment.reward.clear();
+  return merged;
 }
 
 /// A run's settings with what the user asks on top, to be evaluated with.
@@ -52,7 +59,7 @@ Expected<MergedSettings> settings_onto(const RunConfig& trained, const Evaluatio
     run.curriculum = RunConfig().curriculum;  // no curriculum draws in an evaluation
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
   forget_stale_layout(run, merged.config);
-  return merged;
+  return with_own_rewards(std::move(merged));
 }
 
 /// The game's settings: the first run's, or new ones where nobody is a run.
@@ -62,7 +69,8 @@ Expected<MergedSettings> settings_for(const std::vector<Player>& players, const 
   if (first != players.end()) return settings_onto(first->trained, request, user, line, core_count);
   if (request.maps == word_of(EvalMaps::kHeldOut))
     user.typed.values.emplace_back("layout_pool", kHeldOutPool);
-  return merge_new(user, describe_scenario, core_count);
+  COMRAD_TRY_ASSIGN(MergedSettings merged, merge_new(user, describe_scenario, core_count));
+  return with_own_rewards(std::move(merged));
 }
 
 /// The same, with as many environments as there is something to do for, and one where it is filmed.
@@ -168,6 +176,11 @@ Expected<EvaluationGame> prepare_game(const EvaluationRequest& request, const Co
   const UserSettings user{line.config_file(), line.typed()};
   RunConfig typed;
   COMRAD_TRY(apply_layer(typed, user.typed));
+  if (has_reward_schedule(typed.environment.reward))
+    return Error{
+        ErrorCode::kBadInput,
+        "--reward=" + typed.environment.reward +
+            ": an evaluation makes no progress that weights could follow; give each term one number"};
   EvaluationGame game;
   for (const std::string& name : player_names(request)) {
     COMRAD_TRY_ASSIGN(Player player, find_player(name, typed.run.train_dir));

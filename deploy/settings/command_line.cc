@@ -32,6 +32,8 @@ const char* value_name(SettingKind kind) {
       return "INT";
     case SettingKind::kReal:
       return "NUMBER";
+    case SettingKind::kSchedule:
+      return "SCHEDULE";
     case SettingKind::kText:
       return "TEXT";
     case SettingKind::kWord:

@@ -11,6 +11,7 @@
 #include "rollout_buffer/settings/other_names.h"
 #include "rollout_buffer/settings/recipes.h"
 #include "rollout_buffer/settings/resolve.h"
+#include "rollout_buffer/settings/reward_weights.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/settings/setting.h"
 

@@ -63,8 +63,8 @@ class OnPolicy::Input final : public StepInput {
   std::vector<MicroLoss> micro_losses() const override {
     std::vector<MicroLoss> losses;
     for (const RolloutBatch& micro : owner_.micro_batches(rows_))
-      losses.push_back([micro, &owner = owner_, forward = phase_.forward](std::span<const Tensor> counts) {
-        return owner.loss(forward(input_of(micro)), micro, counts);
+      losses.push_back([micro, &owner = owner_, forward = phase_.forward](std::span<const Tensor> scalars) {
+        return owner.loss(forward(input_of(micro)), micro, PpoScalars(scalars));
       });
     return losses;
   }
@@ -87,16 +87,17 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
                                        RngKey(static_cast<uint64_t>(config.run.seed)).split("network").bits(),
                                        device)),
       schedule_(config),
-      returns_(config.optimisation.returns_clip),
+      returns_(config.optimisation.returns_clip, config.on_policy.returns_half_life_decisions),
       runner_(config, device) {}
 
 LossTerms OnPolicy::loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
-                         std::span<const Tensor> counts) const {
-  return ppo_loss(output, rows, counts, PpoOptions::from(config_));
+                         const PpoScalars& scalars) const {
+  return ppo_loss(output, rows, scalars, PpoOptions::from(config_));
 }
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
-  schedule_.before_batch(context.env_frames);
+  env_frames_ = context.env_frames;
+  schedule_.before_batch(env_frames_);
   stats.lag = lag_of_ranks(apply_lag_filter(batch, version(), config_.collection.max_policy_lag),
                            batch.valid.numel(), ranks());
   ++updates_;
@@ -157,7 +158,15 @@ void OnPolicy::prepare_targets(RolloutBatch& batch) {
   explained_variance_ =
       explained_variance(target, ranks().gather(value.narrow(0, 0, batch.steps()), 1), valid);
   if (!config_.optimisation.normalize_returns) return;
+  const double mean = returns_.statistics().mean, sigma = returns_.sigma();
   if (!returns_.update(target, valid)) spdlog::warn("update: returns are not finite; statistics kept");
+  if (config_.on_policy.popart) {
+    // What was predicted in the old unit is the same return in the new one.
+    const double scale = sigma / returns_.sigma(),
+                 shift = (mean - returns_.statistics().mean) / returns_.sigma();
+    net_.rescale_values(scale, shift);
+    batch.value = batch.value * scale + shift;
+  }
   batch.target = returns_.normalize(result.target);
   targets_clipped_ = returns_.clipped_fraction(target, valid);
 }
@@ -271,7 +280,7 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
   const StepRunner::Result result =
       runner_.give({.optimizer = phase.optimizer,
                     .input = input,
-                    .divisors = totals.divisors(),
+                    .scalars = scalars(totals),
                     .learning_rate = schedule_.learning_rate() * (totals.valid / totals.places),
                     .keeps = keeps_log_prob,
                     .keep_going = context.keep_going,
@@ -297,8 +306,10 @@ std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) con
   return micros;
 }
 
-std::vector<double> OnPolicy::SampleTotals::divisors() const {
-  return {std::max(1.0, valid), std::max(1.0, acting)};
+std::vector<double> OnPolicy::scalars(const SampleTotals& totals) const {
+  return {std::max(1.0, totals.valid), std::max(1.0, totals.acting),
+          config_.on_policy.ppo_clip_ratio.at(env_frames_),
+          config_.on_policy.exploration_loss_coeff.at(env_frames_)};
 }
 
 OnPolicy::SampleTotals OnPolicy::totals_of(const RolloutBatch& minibatch) {
@@ -309,7 +320,10 @@ OnPolicy::SampleTotals OnPolicy::totals_of(const RolloutBatch& minibatch) {
 }
 
 Tensor OnPolicy::standardized(const Tensor& advantage, const Tensor& acting) {
-  const Tensor of_all = standardize(ranks().gather(advantage, 1), ranks().gather(acting, 1));
+  const double floor = config_.optimisation.normalize_returns
+                           ? config_.on_policy.advantage_deviation_min * returns_.sigma()
+                           : 0;
+  const Tensor of_all = standardize(ranks().gather(advantage, 1), ranks().gather(acting, 1), floor);
   return of_all.narrow(1, ranks().rank() * advantage.size(1), advantage.size(1));
 }
 
@@ -319,7 +333,7 @@ bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, con
   Input input(*this, minibatch, phase);
   const std::optional<StepOutcome> outcome = runner_.gradient_of({.optimizer = phase.optimizer,
                                                                   .input = input,
-                                                                  .divisors = totals.divisors(),
+                                                                  .scalars = scalars(totals),
                                                                   .keep_going = context.keep_going});
   if (outcome) terms = outcome->terms;
   return outcome.has_value();
@@ -363,6 +377,8 @@ void OnPolicy::report(const RolloutBatch& batch, const TermValues& terms, Update
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
   put("train/actual_lr", runner_.learning_rate());
+  put("train/exploration_loss_coeff", config_.on_policy.exploration_loss_coeff.at(env_frames_));
+  put("train/ppo_clip_ratio", config_.on_policy.ppo_clip_ratio.at(env_frames_));
   put("train/loss", terms.loss());
   append_terms(terms, stats.values);
   put("train/explained_variance", explained_variance_);

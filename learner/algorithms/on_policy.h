@@ -16,6 +16,7 @@
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/normalizer.h"
 #include "learner/losses/loss_terms.h"
+#include "learner/losses/ppo_loss.h"
 #include "learner/schedules/lr_schedule.h"
 #include "learner/step/step_runner.h"
 #include "policy_workers/network/actor_critic.h"
@@ -61,10 +62,9 @@ class OnPolicy : public OnPolicyAlgorithm {
   };
   enum class PhaseEnd { kDone, kStopped, kAbandoned };
 
-  /// The loss over a micro-batch: ppo_loss(). Override it to add a term or a metric. `counts`: valid and acting samples of the whole
-  /// minibatch, what means divide by.
+  /// The loss over a micro-batch: ppo_loss(). Override it to add a term or a metric.
   virtual LossTerms loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
-                         std::span<const Tensor> counts) const;
+                         const PpoScalars& scalars) const;
 
   /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
   /// kBadInput where that was so in too many batches in a row.
@@ -105,7 +105,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   LrSchedule schedule_;
   ReturnNormalizer returns_;
   StepRunner runner_;
-  int64_t updates_ = 0;  ///< batches seen; keys the shuffling
+  int64_t updates_ = 0;    ///< batches seen; keys the shuffling
+  double env_frames_ = 0;  ///< of the run before the newest batch, where schedules stand
   double last_grad_norm_ = 0;
   Tensor reported_advantage_, reported_acting_;          ///< before standardisation
   double explained_variance_ = 0, targets_clipped_ = 0;  ///< of the newest batch
@@ -121,9 +122,9 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// Samples of a minibatch of all ranks.
   struct SampleTotals {
     double valid = 0, acting = 0, places = 0;
-    /// ppo_loss()'s counts: what means divide by.
-    std::vector<double> divisors() const;
   };
+  /// PpoScalars of this moment.
+  std::vector<double> scalars(const SampleTotals& totals) const;
   enum class StepResult { kGiven, kSkipped, kAbandoned, kKlReached };
   SampleTotals totals_of(const RolloutBatch& minibatch);
   /// A batch in parts, as views: whole worlds, at least one, and no more than lets every thread have a part.

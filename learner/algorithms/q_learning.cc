@@ -68,7 +68,7 @@ class QLearning::Input final : public StepInput {
     std::vector<MicroLoss> losses;
     for (const ReplayPart& part : parts_)
       losses.push_back(
-          [this, &part](std::span<const Tensor> divisors) { return owner_.loss_of_part(part, divisors); });
+          [this, &part](std::span<const Tensor> scalars) { return owner_.loss_of_part(part, scalars); });
     return losses;
   }
   std::unique_ptr<StepInput> clone() const override { return std::make_unique<Input>(owner_, parts_); }
@@ -80,12 +80,6 @@ class QLearning::Input final : public StepInput {
   const QLearning& owner_;
   std::vector<ReplayPart> parts_;
 };
-
-double epsilon_at(const RunConfig& config, double env_frames) {
-  const double way = std::clamp(env_frames / config.q_learning.epsilon_decay_env_frames, 0.0, 1.0);
-  return config.q_learning.epsilon_start +
-         way * (config.q_learning.epsilon_end - config.q_learning.epsilon_start);
-}
 
 QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device device)
     : config_(config),
@@ -136,13 +130,13 @@ std::vector<ReplayPart> QLearning::parts_of(const ReplayBatch& batch) const {
   return replay_parts(batch, micro_worlds(batch), config_.q_learning.burn_in, runner_.records(), device_);
 }
 
-LossTerms QLearning::loss_of_part(const ReplayPart& part, std::span<const Tensor> divisors) const {
+LossTerms QLearning::loss_of_part(const ReplayPart& part, std::span<const Tensor> scalars) const {
   Scene scene = td_scene(net_, target_net_, part);
-  scene.sigma = divisors[1];
+  scene.sigma = scalars[1];
   const bool has_shares = config_.replay.per_sequences;
   return td_loss(loss_of(scene), sample_valid(scene.batch), scene.online.now,
                  utilities_have_a_unit() ? scene.sigma : torch::ones({}, torch::kFloat64), scene.batch,
-                 divisors,
+                 scalars,
                  {.is_joint = mixer_ != nullptr, .sequence_share = has_shares ? config_.replay.per_eta : 0});
 }
 
@@ -178,7 +172,7 @@ QLearning::Totals QLearning::totals_of(const ReplayBatch& batch) {
 StepRequest QLearning::request_for(Input& input, const Totals& totals, const UpdateContext& context) {
   return {.optimizer = optimizer_,
           .input = input,
-          .divisors = {totals.trained, q_sigma(), totals.worlds},
+          .scalars = {totals.trained, q_sigma(), totals.worlds},
           .learning_rate = schedule_.learning_rate(),
           .keeps = true,
           .reads_kept = true,

@@ -43,9 +43,6 @@
 
 namespace comrad::learn {
 
-/// Share of random decisions after so many env frames: linear from epsilon_start to epsilon_end.
-double epsilon_at(const RunConfig& config, double env_frames);
-
 class QLearning : public OffPolicyAlgorithm {
  public:
   PolicyVersion version() const override { return runner_.version(); }
@@ -112,7 +109,7 @@ class QLearning : public OffPolicyAlgorithm {
   StepRequest request_for(Input& input, const Totals& totals, const UpdateContext& context);
   /// The micro-batches of a batch, all on the device before the step begins.
   std::vector<ReplayPart> parts_of(const ReplayBatch& batch) const;
-  LossTerms loss_of_part(const ReplayPart& part, std::span<const Tensor> divisors) const;
+  LossTerms loss_of_part(const ReplayPart& part, std::span<const Tensor> scalars) const;
   /// Whether QMIX's mixer gives utilities their unit: then they have none of their own.
   bool utilities_have_a_unit() const { return !mixer_ || mixer_->scales_with_utilities(); }
   void report(const StepOutcome& outcome, UpdateStats& stats) const;

@@ -38,6 +38,7 @@ bool ReturnNormalizer::update(const torch::Tensor& values, const torch::Tensor& 
   if (!std::isfinite(squares)) return false;
   const double batch_variance = count > 1 ? squares / (count - 1) : 0.0;  // unbiased, as the input statistics
 
+  if (half_life_ > 0) statistics_.count *= std::exp2(-count / half_life_);
   const double delta = batch_mean - statistics_.mean, total = statistics_.count + count;
   const double merged_squares = statistics_.variance * statistics_.count + batch_variance * count +
                                 delta * delta * statistics_.count * count / total;

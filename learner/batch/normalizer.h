@@ -12,7 +12,8 @@ namespace comrad::learn {
 ///
 /// update() merges a batch's mean and unbiased variance into the running pair with the parallel-variance
 /// formula (Chan, Golub, LeVeque 1979); normalize() is clamp((x - mean) / sigma, +-clip), denormalize() is
-/// clamp(x, +-clip) * sigma + mean, with sigma = sqrt(variance + 1e-5). A return outside of the clip (a rare
+/// clamp(x, +-clip) * sigma + mean, with sigma = sqrt(variance + 1e-5). With a half life the count that came before weighs
+/// 2^(-samples / half life) as much at every merge, so that the pair follows returns that grow. A return outside of the clip (a rare
 /// jackpot among zeros) can't be told from one at it, so clipped_fraction() says how many there are.
 class ReturnNormalizer {
  public:
@@ -22,8 +23,8 @@ class ReturnNormalizer {
     double count = 1.0;
   };
 
-  /// `clip` in deviations; 0: none.
-  explicit ReturnNormalizer(double clip = 5.0) : clip_(clip) {}
+  /// `clip` in deviations; 0: none. `half_life` in samples; 0: all samples weigh the same for ever.
+  explicit ReturnNormalizer(double clip = 5.0, double half_life = 0) : clip_(clip), half_life_(half_life) {}
 
   /// Merges the samples of `values` (f32, any shape) where `valid` (u8, same shape; undefined: all) is 1.
   /// A batch without valid samples, or with non-finite ones, changes nothing; false in that case.
@@ -40,7 +41,7 @@ class ReturnNormalizer {
  private:
   torch::Tensor clipped(const torch::Tensor& deviations) const;
 
-  double clip_;
+  double clip_, half_life_;
   Statistics statistics_;
 };
 

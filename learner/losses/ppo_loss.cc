@@ -1,5 +1,7 @@
 #include "learner/losses/ppo_loss.h"
 
+#include <algorithm>
+
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/network/action_heads.h"
 
@@ -14,9 +16,14 @@ Tensor importance_ratio(const Tensor& log_prob, const Tensor& behaviour_log_prob
   return (log_prob - behaviour_log_prob).exp().clamp(kRatioMin, kRatioMax);
 }
 
-Tensor clipped_objective(const Tensor& ratio, const Tensor& advantage, double clip_ratio) {
-  const double high = 1.0 + clip_ratio;
-  return torch::min(ratio * advantage, ratio.clamp(1.0 / high, high) * advantage);
+ClipInterval ClipInterval::of(const Tensor& clip_ratio) {
+  const Tensor high = 1.0 + clip_ratio;
+  return {.low = high.reciprocal().to(torch::kFloat32), .high = high.to(torch::kFloat32)};
+}
+
+Tensor clipped_objective(const Tensor& ratio, const Tensor& advantage, const ClipInterval& clip) {
+  // Not clamp(): its bounds must lie where the ratio does, these may be numbers of the host.
+  return torch::min(ratio * advantage, ratio.maximum(clip.low).minimum(clip.high) * advantage);
 }
 
 Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Tensor& target,
@@ -25,7 +32,7 @@ Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Te
   return torch::max((value - target).square(), (near_old - target).square());
 }
 
-Tensor standardize(const Tensor& advantage, const Tensor& valid) {
+Tensor standardize(const Tensor& advantage, const Tensor& valid, double floor) {
   // Operators alone, so that nothing waits where the batch lies on a GPU. Without a valid sample all is 0 by its weight.
   const Tensor weight = valid.to(torch::kFloat64);
   const Tensor count = weight.sum();
@@ -33,7 +40,7 @@ Tensor standardize(const Tensor& advantage, const Tensor& valid) {
       torch::where(valid.to(torch::kBool), advantage.to(torch::kFloat64), torch::zeros({}, weight.options()));
   const Tensor centred = (wide - wide.sum() / count.clamp_min(1.0)) * weight;
   const Tensor deviation = (centred.square().sum() / (count - 1).clamp_min(1.0)).sqrt();
-  return (centred / deviation.clamp_min(kStandardDeviationFloor)).to(torch::kFloat32);
+  return (centred / deviation.clamp_min(std::max(kStandardDeviationFloor, floor))).to(torch::kFloat32);
 }
 
 Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvShape& env,
@@ -46,29 +53,34 @@ Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvSh
 }
 
 PpoOptions PpoOptions::from(const RunConfig& config) {
-  return {.clip_ratio = config.on_policy.ppo_clip_ratio,
-          .clip_value = config.on_policy.ppo_clip_value,
+  return {.clip_value = config.on_policy.ppo_clip_value,
           .value_coeff = config.on_policy.value_loss_coeff,
-          .exploration_coeff = config.on_policy.exploration_loss_coeff,
           .kl_coeff = config.on_policy.kl_loss_coeff,
           .exploration = config.on_policy.exploration_loss};
 }
 
+PpoScalars::PpoScalars(std::span<const Tensor> scalars)
+    : valid_count(scalars[0]),
+      acting_count(scalars[1]),
+      clip_ratio(scalars[2]),
+      exploration_coeff(scalars[3]) {}
+
 void add_policy_loss(LossTerms& terms, const Tensor& logits, const RolloutBatch& rows,
-                     const Tensor& acting_count, const PpoOptions& options) {
+                     const PpoScalars& scalars, const PpoOptions& options) {
   const EnvShape& env = rows.shape.env;
   const Tensor acting = rows.acting().to(torch::kBool);
-  const Tensor weight = acting.to(torch::kFloat32) / acting_count;
+  const Tensor weight = acting.to(torch::kFloat32) / scalars.acting_count;
   const Tensor mask = rows.mask_or_undefined();
   const Tensor log_probs = policy::head_log_probs(logits, mask, env);
   const Tensor log_prob = policy::action_log_prob(log_probs, rows.action, env);
   const Tensor ratio = importance_ratio(log_prob, rows.log_prob);
-  terms.add("policy_loss", -(clipped_objective(ratio, rows.advantage, options.clip_ratio) * weight).sum());
+  const ClipInterval clip = ClipInterval::of(scalars.clip_ratio);
+  terms.add("policy_loss", -(clipped_objective(ratio, rows.advantage, clip) * weight).sum());
   const Tensor none = torch::zeros({}, weight.options());
   terms.add("exploration_loss",
             options.exploration == ExplorationLoss::kNone
                 ? none
-                : options.exploration_coeff *
+                : scalars.exploration_coeff.to(torch::kFloat32) *
                       (exploration_loss(log_probs, mask, env, options.exploration) * weight).sum());
   const auto divergence = [&] {
     return policy::kl_divergence(log_probs, policy::head_log_probs(rows.logits, mask, env), env);
@@ -88,16 +100,15 @@ void add_policy_loss(LossTerms& terms, const Tensor& logits, const RolloutBatch&
   terms.mean("ratio_mean", ratio, weight);
   terms.min("ratio_min", ratio, acting, 1);
   terms.max("ratio_max", ratio, acting, 1);
-  const double high = 1.0 + options.clip_ratio;
-  terms.mean("fraction_clipped", ((ratio < 1.0 / high) | (ratio > high)).to(torch::kFloat32), weight);
+  terms.mean("fraction_clipped", ((ratio < clip.low) | (ratio > clip.high)).to(torch::kFloat32), weight);
   terms.max("max_abs_logprob", log_prob.abs(), acting, 0);
   terms.kept = log_prob.detach();
 }
 
 void add_value_loss(LossTerms& terms, const Tensor& value, const RolloutBatch& rows,
-                    const Tensor& valid_count, const PpoOptions& options) {
+                    const PpoScalars& scalars, const PpoOptions& options) {
   const Tensor valid = rows.valid.to(torch::kBool);
-  const Tensor weight = valid.to(torch::kFloat32) / valid_count;
+  const Tensor weight = valid.to(torch::kFloat32) / scalars.valid_count;
   const Tensor old_value = rows.value.narrow(0, 0, rows.steps());
   const Tensor of_samples = clipped_value_loss(value, old_value, rows.target, options.clip_value);
   terms.add("value_loss", options.value_coeff * (of_samples * weight).sum());
@@ -111,11 +122,11 @@ void add_value_loss(LossTerms& terms, const Tensor& value, const RolloutBatch& r
   terms.max("value_delta_max", delta, valid, 0);
 }
 
-LossTerms ppo_loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
-                   std::span<const Tensor> counts, const PpoOptions& options) {
+LossTerms ppo_loss(const policy::SequenceOutput& output, const RolloutBatch& rows, const PpoScalars& scalars,
+                   const PpoOptions& options) {
   LossTerms terms;
-  if (output.logits.defined()) add_policy_loss(terms, output.logits, rows, counts[1], options);
-  if (output.value.defined()) add_value_loss(terms, output.value, rows, counts[0], options);
+  if (output.logits.defined()) add_policy_loss(terms, output.logits, rows, scalars, options);
+  if (output.value.defined()) add_value_loss(terms, output.value, rows, scalars, options);
   return terms;
 }
 

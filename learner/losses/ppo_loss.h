@@ -34,18 +34,25 @@ constexpr double kExplorationLossMax = 30.0;
 /// exp(log pi - log mu), clamped to [0.05, 20].
 Tensor importance_ratio(const Tensor& log_prob, const Tensor& behaviour_log_prob);
 
+/// The clip interval of the ratio, f32 [] each, where `clip_ratio` lies.
+struct ClipInterval {
+  Tensor low, high;  ///< 1/(1+epsilon), 1+epsilon
+  /// `clip_ratio` f64 []: epsilon.
+  static ClipInterval of(const Tensor& clip_ratio);
+};
+
 /// min(ratio A, clip(ratio, 1/(1+epsilon), 1+epsilon) A), to be maximised. Any shape.
 /// Source: Schulman et al. 2017, arXiv:1707.06347, eq. 7, with the reciprocal lower bound of Sample Factory.
-Tensor clipped_objective(const Tensor& ratio, const Tensor& advantage, double clip_ratio);
+Tensor clipped_objective(const Tensor& ratio, const Tensor& advantage, const ClipInterval& clip);
 
 /// max((V-R)^2, (V_old + clamp(V-V_old, +-clip) - R)^2); the coefficient is the caller's.
 Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Tensor& target,
                           double clip_value);
 
-/// (A - mean) / max(std, 1e-7) over valid samples, unbiased; invalid ones become 0. A single valid sample
-/// becomes 0.
-///   advantage f32, valid u8 of the same shape
-Tensor standardize(const Tensor& advantage, const Tensor& valid);
+/// (A - mean) / max(std, floor, 1e-7) over valid samples, unbiased; invalid ones become 0. A single valid sample
+/// becomes 0. Without a floor, advantages that hold nothing but the critic's noise are blown up to unit size.
+///   advantage f32, valid u8 of the same shape, floor in units of the advantage
+Tensor standardize(const Tensor& advantage, const Tensor& valid, double floor = 0);
 
 /// Loss per sample, to be minimised: symmetric KL to the uniform distribution over allowed choices, or
 /// negative entropy, summed over heads. Capped at 30; non-finite counts as 0.
@@ -54,21 +61,29 @@ Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvSh
                         ExplorationLoss kind);
 
 struct PpoOptions {
-  double clip_ratio = 0.2, clip_value = 0.2;  ///< epsilon; the same of the value, in its unit
-  double value_coeff = 0.5, exploration_coeff = 0, kl_coeff = 0;
+  double clip_value = 0.2;  ///< largest step of the value, in its unit
+  double value_coeff = 0.5, kl_coeff = 0;
   ExplorationLoss exploration = ExplorationLoss::kNone;
   static PpoOptions from(const RunConfig& config);
 };
 
+/// What a step's losses read beside its rows: of the whole minibatch, and of this moment of the run. f64 [] each.
+struct PpoScalars {
+  Tensor valid_count, acting_count;      ///< samples that means divide by, at least 1
+  Tensor clip_ratio, exploration_coeff;  ///< settings that may follow a schedule
+  /// Of a step's scalars in this order, as the step runner has them.
+  explicit PpoScalars(std::span<const Tensor> scalars);
+};
+
 /// Adds the loss of a policy with `logits` f32 [T, R, A] over the rows of a micro-batch, and what reports show of it.
-/// `acting_count` f64 []: samples of the whole minibatch, what means divide by. LossTerms::kept becomes log pi(a|o).
+/// LossTerms::kept becomes log pi(a|o).
 void add_policy_loss(LossTerms& terms, const Tensor& logits, const RolloutBatch& rows,
-                     const Tensor& acting_count, const PpoOptions& options);
-/// The same of values f32 [T, R], an agent's own or a central critic's. `valid_count` f64 [].
+                     const PpoScalars& scalars, const PpoOptions& options);
+/// The same of values f32 [T, R], an agent's own or a central critic's.
 void add_value_loss(LossTerms& terms, const Tensor& value, const RolloutBatch& rows,
-                    const Tensor& valid_count, const PpoOptions& options);
-/// Both, of what `output` has. `counts`: of valid and of acting samples.
-LossTerms ppo_loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
-                   std::span<const Tensor> counts, const PpoOptions& options);
+                    const PpoScalars& scalars, const PpoOptions& options);
+/// Both, of what `output` has.
+LossTerms ppo_loss(const policy::SequenceOutput& output, const RolloutBatch& rows, const PpoScalars& scalars,
+                   const PpoOptions& options);
 
 }  // namespace comrad::learn

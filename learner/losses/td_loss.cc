@@ -11,9 +11,9 @@ constexpr double kNone = 1e30;  // what an extreme of no sample is, with its sig
 }  // namespace
 
 LossTerms td_loss(const SampleLoss& sample, const Tensor& valid, const Tensor& q, const Tensor& q_unit,
-                  const ReplayBatch& batch, std::span<const Tensor> divisors, const TdLossOptions& options) {
+                  const ReplayBatch& batch, std::span<const Tensor> scalars, const TdLossOptions& options) {
   LossTerms terms;
-  const Tensor &samples = divisors[0], &sigma = divisors[1], &worlds = divisors[2];
+  const Tensor &samples = scalars[0], &sigma = scalars[1], &worlds = scalars[2];
   const Tensor counted = valid.to(torch::kFloat32), share = counted / samples;
   const int64_t samples_of_world = counted.size(1) / batch.world_count;
   const Tensor importance = batch.weight.unsqueeze(1).expand({-1, samples_of_world}).reshape({1, -1});

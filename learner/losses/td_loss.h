@@ -35,10 +35,10 @@ struct TdLossOptions {
 };
 
 /// Of a micro-batch of `batch`. `valid` u8 [T, S]: samples that count; `q` f32 [T, R, A] of the online network, and what
-/// its utilities are multiplied by in reports, f64 []. `divisors`: samples of the whole batch, sigma, worlds; f64 [] each.
+/// its utilities are multiplied by in reports, f64 []. `scalars`: samples of the whole batch, sigma, worlds; f64 [] each.
 /// LossTerms::kept becomes |TD error| f32 [W] in units of sigma: the mean of a world's valid samples or, with a
 /// sequence_share, eta max + (1 - eta) mean (Kapturowski et al. 2019, R2D2, section 2.3).
 LossTerms td_loss(const SampleLoss& sample, const Tensor& valid, const Tensor& q, const Tensor& q_unit,
-                  const ReplayBatch& batch, std::span<const Tensor> divisors, const TdLossOptions& options);
+                  const ReplayBatch& batch, std::span<const Tensor> scalars, const TdLossOptions& options);
 
 }  // namespace comrad::learn

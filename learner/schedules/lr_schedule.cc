@@ -12,14 +12,16 @@ constexpr double kAdaptiveFactor = 1.5;
 
 LrSchedule::LrSchedule(const RunConfig& config)
     : kind_(config.optimisation.lr_schedule),
-      learning_rate_(config.optimisation.learning_rate),
-      line_(config.optimisation.learning_rate, 0.0, config.run.train_for_env_frames),
+      rate_(config.optimisation.learning_rate),
+      learning_rate_(rate_.at(0)),
+      line_(learning_rate_, 0.0, config.run.train_for_env_frames),
       kl_threshold_(config.optimisation.lr_schedule_kl_threshold),
       min_(config.optimisation.lr_adaptive_min),
       max_(config.optimisation.lr_adaptive_max) {}
 
 void LrSchedule::before_batch(double env_frames) {
   env_frames_ = env_frames;
+  if (kind_ == RateSchedule::kConstant) learning_rate_ = rate_.at(env_frames);
   if (kind_ == RateSchedule::kLinearDecay) learning_rate_ = line_.at(env_frames);
 }
 

@@ -1,4 +1,4 @@
-// How the learning rate moves: not at all, linearly to zero over the run's env frames, or after the KL
+// How the learning rate moves: as --learning_rate says over env frames, linearly to zero at the run's end, or after the KL
 // between new and behaviour policy. Stage: update, checkpoint.
 #pragma once
 
@@ -22,7 +22,7 @@ class LrSchedule {
   /// Whether the KL of every minibatch, or of every epoch, must be known before the next one.
   bool follows_minibatches() const { return kind_ == RateSchedule::kKlAdaptiveMinibatch; }
   bool follows_epochs() const { return kind_ == RateSchedule::kKlAdaptiveEpoch; }
-  /// Before a batch is trained: `env_frames` counted so far. linear_decay moves here:
+  /// Before a batch is trained: `env_frames` counted so far. The setting's own schedule moves here, and linear_decay:
   /// lr = lr_0 * max(0, 1 - env_frames / train_for_env_frames). A run that is resumed with another
   /// train_for_env_frames goes on from the rate it had, in a line to 0 at the new end (linear_schedule.h).
   void before_batch(double env_frames);
@@ -41,6 +41,7 @@ class LrSchedule {
   void adapt(double kl);
 
   RateSchedule kind_;
+  Schedule rate_;  // kConstant, which may be a schedule of its own
   double learning_rate_ = 0;
   double env_frames_ = 0;  // of the last batch
   LinearSchedule line_;    // kLinearDecay

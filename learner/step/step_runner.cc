@@ -22,8 +22,8 @@ struct Part {
   Tensor kept;     ///< LossTerms::kept
 };
 
-Part part_of(const MicroLoss& loss, const std::vector<Tensor>& parameters, std::span<const Tensor> divisors) {
-  const LossTerms terms = loss(divisors);
+Part part_of(const MicroLoss& loss, const std::vector<Tensor>& parameters, std::span<const Tensor> scalars) {
+  const LossTerms terms = loss(scalars);
   Part part{.gradients = {},
             .names = terms.names(),
             .numbers = terms.numbers(),
@@ -90,7 +90,7 @@ class StepRunner::Recorded {
 struct StepRunner::RecordedStep : Recorded {
   using Recorded::Recorded;
   bool keeps = false;
-  Tensor settings;  ///< f64 [K + 1]: the divisors, the learning rate
+  Tensor settings;  ///< f64 [K + 1]: the scalars, the learning rate
   MinibatchTerms terms;
   Tensor outcome;  ///< f64: what a GivenStep reads
 };
@@ -130,7 +130,7 @@ StepRunner::Result StepRunner::give(const StepRequest& request, UpdateStats& sta
     return Result::kGiven;
   }
   request.optimizer.zero_grad();
-  if (!add_gradient(request.input, request.optimizer, tensors_of(request.divisors), request.keeps,
+  if (!add_gradient(request.input, request.optimizer, tensors_of(request.scalars), request.keeps,
                     request.keep_going, given.terms))
     return Result::kAbandoned;
   if (request.is_wanted) {
@@ -150,7 +150,7 @@ StepRunner::RecordedStep& StepRunner::recorded_step(const StepRequest& request) 
   RecordedStep& made =
       *recorded_steps_.emplace_back(std::make_shared<RecordedStep>(request.input, &request.optimizer));
   made.keeps = request.keeps;
-  made.settings = torch::empty({static_cast<int64_t>(request.divisors.size()) + 1},
+  made.settings = torch::empty({static_cast<int64_t>(request.scalars.size()) + 1},
                                torch::TensorOptions(torch::kFloat64).device(device_));
   made.graph.record_at_second_replay(
       device_, [this, &made, &optimizer = request.optimizer, reads_kept = request.reads_kept,
@@ -161,7 +161,7 @@ StepRunner::RecordedStep& StepRunner::recorded_step(const StepRequest& request) 
         (void)add_gradient(made.input(), optimizer, settings, made.keeps, {}, made.terms);
         made.outcome = to_read({.optimizer = optimizer,
                                 .input = made.input(),
-                                .divisors = {},
+                                .scalars = {},
                                 .reads_kept = reads_kept,
                                 .reads_second_moment = reads_second_moment},
                                made.terms, optimizer.step(settings.back(), made.terms.loss));
@@ -174,8 +174,8 @@ void StepRunner::give_recorded(const StepRequest& request, GivenStep& given) {
   {
     torch::NoGradGuard no_grad;
     const Tensor settings = device::host_memory(recorded.settings.sizes(), torch::kFloat64, device_);
-    for (std::size_t i = 0; i < request.divisors.size(); ++i)
-      settings[static_cast<int64_t>(i)].fill_(request.divisors[i]);
+    for (std::size_t i = 0; i < request.scalars.size(); ++i)
+      settings[static_cast<int64_t>(i)].fill_(request.scalars[i]);
     settings[-1].fill_(request.learning_rate);
     recorded.settings.copy_(settings, /*non_blocking=*/true);
   }
@@ -187,7 +187,7 @@ void StepRunner::give_recorded(const StepRequest& request, GivenStep& given) {
 }
 
 bool StepRunner::add_gradient(const StepInput& input, const AdamOptimizer& optimizer,
-                              std::span<const Tensor> divisors, bool keeps,
+                              std::span<const Tensor> scalars, bool keeps,
                               const std::function<bool()>& keep_going, MinibatchTerms& terms) {
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
@@ -195,7 +195,7 @@ bool StepRunner::add_gradient(const StepInput& input, const AdamOptimizer& optim
   const bool is_done = sum_gradients<Part>(
       pool_, optimizer.parameters(), static_cast<int64_t>(losses.size()),
       [&](int64_t i) {
-        return part_of(losses[static_cast<std::size_t>(i)], optimizer.parameters(), divisors);
+        return part_of(losses[static_cast<std::size_t>(i)], optimizer.parameters(), scalars);
       },
       [&](const Part& part) {
         terms.names = part.names;
@@ -217,7 +217,7 @@ bool StepRunner::add_gradient(const StepInput& input, const AdamOptimizer& optim
 
 std::optional<StepOutcome> StepRunner::gradient_of(const StepRequest& request) {
   MinibatchTerms terms;
-  if (!add_gradient(request.input, request.optimizer, tensors_of(request.divisors), request.keeps,
+  if (!add_gradient(request.input, request.optimizer, tensors_of(request.scalars), request.keeps,
                     request.keep_going, terms))
     return std::nullopt;
   std::vector<Tensor> numbers = terms.of_parts;

@@ -30,9 +30,9 @@
 
 namespace comrad::learn {
 
-/// The loss of one micro-batch, with gradient. `divisors`, f64 [] each and at least as many as the step was given: what means
-/// divide by. Called in several threads at once.
-using MicroLoss = std::function<LossTerms(std::span<const Tensor> divisors)>;
+/// The loss of one micro-batch, with gradient. `scalars`, f64 [] each and at least as many as the step was given: what means
+/// divide by, and settings that may be others at the next step. Called in several threads at once.
+using MicroLoss = std::function<LossTerms(std::span<const Tensor> scalars)>;
 
 class StepInput {
  public:
@@ -57,7 +57,7 @@ struct MinibatchTerms {
 struct StepRequest {
   AdamOptimizer& optimizer;
   StepInput& input;
-  std::vector<double> divisors;
+  std::vector<double> scalars;
   double learning_rate = 0;
   bool keeps = false;       ///< MinibatchTerms::kept, on the device
   bool reads_kept = false;  ///< with keeps: StepOutcome::kept
@@ -107,7 +107,7 @@ class StepRunner {
 
   /// Adds the gradient of a whole minibatch, of all ranks, to the parameters' .grad: the sum does not depend on which thread was
   /// first. False when keep_going() said no, or a rank has left.
-  bool add_gradient(const StepInput& input, const AdamOptimizer& optimizer, std::span<const Tensor> divisors,
+  bool add_gradient(const StepInput& input, const AdamOptimizer& optimizer, std::span<const Tensor> scalars,
                     bool keeps, const std::function<bool()>& keep_going, MinibatchTerms& terms);
   /// The same, and its numbers on the host.
   std::optional<StepOutcome> gradient_of(const StepRequest& request);

@@ -388,7 +388,7 @@ void Learner::count(int64_t transitions) {
   if (transitions > 0) reporter_.counted();
   shm::ControlBlock& control = arena_.control();
   control.learner_env_frames = totals_.env_frames;
-  control.epsilon = static_cast<float>(epsilon_at(config_, static_cast<double>(totals_.env_frames)));
+  control.schedule_env_frames = totals_.env_frames;
   shm::WorkerCounters& counters = arena_.learner_counters();
   counters.decisions = totals_.decisions;
   counters.batches = algorithm_->version();

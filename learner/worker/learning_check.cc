@@ -75,13 +75,14 @@ bool LearningCheck::shows(const std::string& name, bool bad, int reports) {
 
 std::vector<std::string> LearningCheck::judge_settings() {
   std::vector<std::string> told;
-  const double last = epsilon_at(config_, config_.run.train_for_env_frames);
-  const bool is_meant = config_.q_learning.epsilon_end > kLastEpsilonMax;
+  const Schedule& epsilon = config_.q_learning.epsilon;
+  const double last = epsilon.at(config_.run.train_for_env_frames);
+  const bool is_meant = epsilon.last() > kLastEpsilonMax;
   if (config_.run.algo->learns_q_values() && shows("epsilon", last > kLastEpsilonMax && !is_meant, 1))
-    told.push_back(format(
-        "the run ends at epsilon %.2f: agents then still choose %.0f%% of their actions by chance; "
-        "set epsilon_decay_env_frames (%.3g env frames) below train_for_env_frames (%.3g)",
-        last, per_cent(last), config_.q_learning.epsilon_decay_env_frames, config_.run.train_for_env_frames));
+    told.push_back(
+        format("the run ends at epsilon %.2f: agents then still choose %.0f%% of their actions by chance; "
+               "--epsilon (%s) must end before train_for_env_frames (%.3g)",
+               last, per_cent(last), epsilon.text().c_str(), config_.run.train_for_env_frames));
   return told;
 }
 
@@ -101,7 +102,7 @@ void LearningCheck::judge_batches(const MetricValues& values, std::vector<std::s
       shows("rewarded", *rewarded == 0, kReports))
     told.push_back(
         format("none of the last %d episodes brought any reward, so there is nothing to learn from; "
-               "explore more (exploration_loss_coeff, epsilon_decay_env_frames) or begin on an easier map",
+               "explore more (exploration_loss_coeff, epsilon) or begin on an easier map",
                static_cast<int>(config_.run.stats_avg)));
 
   // Later epochs move away from the behaviour policy on purpose, so their share shows nothing.
@@ -111,8 +112,8 @@ void LearningCheck::judge_batches(const MetricValues& values, std::vector<std::s
     told.push_back(format(
         "%.0f%% of the samples lie outside PPO's clip interval before the first step on them: they come from "
         "a policy that is too different by now, and many teach nothing; lower learning_rate or "
-        "num_envs_per_worker, or raise ppo_clip_ratio (%g)",
-        per_cent(*clipped), config_.on_policy.ppo_clip_ratio));
+        "num_envs_per_worker, or raise ppo_clip_ratio (%s)",
+        per_cent(*clipped), config_.on_policy.ppo_clip_ratio.text().c_str()));
 
   const std::optional<double> valid = find(values, "train/valids_fraction");
   if (valid && shows("valid", *valid < kValidsMin, kReports))
@@ -168,8 +169,8 @@ void LearningCheck::judge_targets(const MetricValues& values, std::vector<std::s
     told.push_back(format(
         "the features that are the mixer's state have grown to a root mean square of %.1f (below 1 in runs "
         "that learn): its weights and gradients grow with them, and agents may lose what they have learned; "
-        "set mixer_state_deviation (1), or lower learning_rate (%g) or max_grad_norm (%g)",
-        *state, config_.optimisation.learning_rate, config_.optimisation.max_grad_norm));
+        "set mixer_state_deviation (1), or lower learning_rate (%s) or max_grad_norm (%g)",
+        *state, config_.optimisation.learning_rate.text().c_str(), config_.optimisation.max_grad_norm));
   const std::optional<double> explained = find(values, "train/explained_variance");
   if (explained && !is_early(values) && !is_unpaid(values) &&
       shows("explained", *explained < 0, kValueReports))

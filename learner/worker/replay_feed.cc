@@ -457,7 +457,7 @@ Status ReplayFeed::begin_without_replay(const StateDict& state, const std::strin
                                           : "the first " + std::to_string(kBatchesBeforeTraining) +
                                                 " batches of new decisions, since its policy is trained";
   spdlog::warn("{}; training begins again with {}, its agents act with an epsilon of {:.3g}", reason, begins,
-               epsilon_at(config_, env_frames_));
+               config_.q_learning.epsilon.at(env_frames_));
   return {};
 }
 

@@ -101,7 +101,8 @@ void Reporter::publish_stats() {
 }
 
 void Reporter::append_replay(MetricValues& values, const ReplayFeed& feed) const {
-  values.emplace_back("train/epsilon", epsilon_at(config_, static_cast<double>(totals_.env_frames)));
+  values.emplace_back("train/epsilon",
+                      config_.q_learning.epsilon.at(static_cast<double>(totals_.env_frames)));
   if (config_.replay.per) values.emplace_back("train/per_beta", feed.beta());
   const bool mixes = config_.run.algo->mixes_q_values();
   values.emplace_back(mixes ? "train/pending_transition_debt" : "train/dqn_pending_steps",

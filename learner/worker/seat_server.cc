@@ -32,7 +32,7 @@ Status append_network(const SeatNetwork& network, const EnvShape& env, std::vect
   if (const Status loaded = algorithm->load(state); !loaded)
     return Error{loaded.error().code, network.checkpoint + ": " + loaded.error().message};
   COMRAD_TRY_ASSIGN(const int64_t env_frames, state.integer("counters/env_frames"));
-  const auto epsilon = static_cast<float>(epsilon_at(config, static_cast<double>(env_frames)));
+  const auto epsilon = static_cast<float>(config.q_learning.epsilon.at(static_cast<double>(env_frames)));
   std::ranges::copy(std::as_bytes(std::span(&epsilon, 1)), std::back_inserter(bytes));
   std::ranges::copy(algorithm->weights(), std::back_inserter(bytes));
   spdlog::info("serving {} ({}, version {})", network.checkpoint, config.run.algo.name(),

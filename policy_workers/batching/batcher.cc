@@ -268,7 +268,9 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
   const size_t state_count = static_cast<size_t>(states_.state_count());
   const size_t agents = static_cast<size_t>(env.num_agents);
   const float* state_in = batch.recurrent_state.data_ptr<float>();
-  const float epsilon = options_.is_greedy ? 0.0f : arena_->control().epsilon.load();
+  const float epsilon = options_.is_greedy ? 0.0f
+                                           : static_cast<float>(options_.epsilon.at(static_cast<double>(
+                                                 arena_->control().schedule_env_frames.load())));
   for (size_t index = 0; index < batch.requests.size(); ++index) {
     const Request& request = batch.requests[index];
     shm::StepSlot& slot = arena_->slot(request.env_index);

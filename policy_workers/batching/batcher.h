@@ -17,6 +17,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/settings/schedule.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::policy {
@@ -43,7 +44,8 @@ struct BatcherOptions {
   bool is_deterministic = false;   ///< one whole split per batch, whatever the limits say
   bool is_evaluation = false;      ///< episodes are counted over all environments: they alone key the draws
   bool is_greedy = false;          ///< most probable actions instead of drawn ones
-  bool is_epsilon_greedy = false;  ///< outputs are Q-values; the learner's epsilon lies in the control block
+  bool is_epsilon_greedy = false;  ///< outputs are Q-values
+  Schedule epsilon = 0;            ///< over the env frames in the control block
   Exploration exploration = Exploration::kPerHead;  ///< how epsilon is drawn
   uint64_t seed = 0;                                ///< of the run; keys the action draws
 };

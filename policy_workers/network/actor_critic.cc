@@ -382,6 +382,14 @@ Status ActorCritic::read_weights(std::span<const std::byte> in) const {
   return {};
 }
 
+void ActorCritic::rescale_values(double scale, double shift) const {
+  torch::NoGradGuard no_grad;
+  for (const Layer& layer : impl_->critic->output_layers()) {
+    layer.weight.mul_(scale);
+    layer.bias.mul_(scale).add_(shift);
+  }
+}
+
 void ActorCritic::state_changed() const { impl_->normalizer->refresh(); }
 
 const NetworkOptions& ActorCritic::options() const { return impl_->options; }

@@ -102,6 +102,10 @@ class ActorCritic {
   /// What critics and mixers make of global states [..., S]: by the running statistics, within +-5.
   Tensor normalized_state(const Tensor& global_state) const;
 
+  /// From now on all values are `scale` times what they were, plus `shift`.
+  /// Source: PopArt, van Hasselt et al. 2016, arXiv:1602.07714, section 2.2.
+  void rescale_values(double scale, double shift) const;
+
   /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics)
   /// for checkpoints.
   std::vector<Tensor> parameters() const;

@@ -31,6 +31,7 @@ class OwnCritic : public Critic {
     return {values(input), state};
   }
   Tensor sequence(const CriticInput& input, const SequenceInput&) const override { return values(input); }
+  std::vector<Layer> output_layers() const override { return heads_; }
 
  private:
   Tensor values(const CriticInput& input) const {
@@ -43,6 +44,9 @@ class OwnCritic : public Critic {
 
 /// Linear layers over a team's features, tanh between them, and the world's state beside the first one's input.
 class TeamCritic : public Critic {
+ public:
+  std::vector<Layer> output_layers() const override { return {layers_.back()}; }
+
  protected:
   explicit TeamCritic(const CriticParts& parts)
       : agents_(parts.options.env.num_agents),

@@ -44,6 +44,8 @@ class Critic {
   virtual int64_t state_count() const { return 0; }
   /// What the critic alone owns; a value head beside an actor is that actor's.
   virtual NamedTensors named_parameters() const { return {}; }
+  /// Those whose outputs are the values.
+  virtual std::vector<Layer> output_layers() const { return {}; }
 };
 
 /// What a critic is made from.

@@ -40,6 +40,7 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                               .is_evaluation = options.is_evaluation,
                               .is_greedy = options.is_greedy,
                               .is_epsilon_greedy = config.run.algo->learns_q_values() && !options.is_random,
+                              .epsilon = config.q_learning.epsilon,
                               .exploration = config.q_learning.epsilon_per_head ? Exploration::kPerHead
                                                                                 : Exploration::kAllHeads,
                               .seed = static_cast<uint64_t>(config.run.seed)}));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <numeric>
 
@@ -40,6 +41,16 @@ std::string real_text(double value) {
   std::string text(digits.data(), end);
   if (text.find_first_of(".en") == std::string::npos) text += ".0";
   return text;
+}
+
+std::optional<double> read_real(std::string_view text) {
+  text = trimmed(text);
+  if (text.starts_with('+')) text.remove_prefix(1);
+  double number = 0;
+  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (failure != std::errc() || end != text.data() + text.size() || !std::isfinite(number))
+    return std::nullopt;
+  return number;
 }
 
 std::string shell_word(std::string_view text) {

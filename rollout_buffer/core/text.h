@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -43,6 +44,9 @@ std::string bytes_text(int64_t bytes);
 /// The shortest decimal that reads back as the same value: "0.9995", "4e-04", "2.0", "inf", "nan". A whole number keeps
 /// a ".0", so that TOML reads it as a real one.
 std::string real_text(double value);
+
+/// The finite number that the text is, as 0.5, +1 or 4e-4, with space around it; none for anything else.
+std::optional<double> read_real(std::string_view text);
 
 /// The text as one word of a shell, in quotes where something in it is special.
 std::string shell_word(std::string_view text);

@@ -168,7 +168,7 @@ Status LinkBus::write(const FeedState& state) {
   put(out.message, state.message);
   out.done_index = state.done_index;
   out.credit_index = state.credit_index;
-  out.epsilon = state.epsilon;
+  out.schedule_env_frames = state.schedule_env_frames;
   return state_->participant->write(kState, out);
 }
 
@@ -260,6 +260,7 @@ Status LinkBus::write(const ActionBatch& batch) {
   put(out.run_state, batch.run_state);
   put(out.message, batch.message);
   out.credit_index = batch.credit_index;
+  out.schedule_env_frames = batch.schedule_env_frames;
   out.payload = sequence_of<decltype(out.payload)>(batch.payload);
   return state_->participant->write(kActions, out);
 }
@@ -309,7 +310,7 @@ void LinkBus::take_states(uint64_t feeder_id, const std::function<void(const Fee
            .message = get(in.message),
            .done_index = in.done_index,
            .credit_index = in.credit_index,
-           .epsilon = in.epsilon});
+           .schedule_env_frames = in.schedule_env_frames});
   });
 }
 
@@ -391,6 +392,7 @@ void LinkBus::take_actions(uint64_t feeder_id, const std::function<void(const Ac
            .run_state = get(in.run_state),
            .message = get(in.message),
            .credit_index = in.credit_index,
+           .schedule_env_frames = in.schedule_env_frames,
            .payload = bytes_of(in.payload)});
   });
 }

@@ -16,7 +16,7 @@
 
 namespace comrad::dds {
 
-constexpr uint32_t kLinkVersion = 5;  ///< of the topics but the door's: other versions do not meet on them
+constexpr uint32_t kLinkVersion = 6;  ///< of the topics but the door's: other versions do not meet on them
 constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of a door's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them
@@ -62,7 +62,7 @@ struct FeedState {
   std::string message = {};
   uint64_t done_index = 0;
   uint64_t credit_index = 0;
-  float epsilon = 0;
+  uint64_t schedule_env_frames = 0;
 };
 
 struct TrajectoryFragment {
@@ -120,6 +120,7 @@ struct ActionBatch {
   std::string run_state = {};  ///< running, paused, stopping, refused
   std::string message = {};
   uint64_t credit_index = 0;
+  uint64_t schedule_env_frames = 0;
   std::span<const std::byte> payload = {};
 };
 

@@ -113,7 +113,7 @@ void Feeder::take_state(const dds::FeedState& state) {
   if (session_ != state.session && session_ != 0) return begin_anew(state.session);
   session_ = state.session;
   state_ = state;
-  arena_.control().epsilon = state.epsilon;
+  arena_.control().schedule_env_frames = state.schedule_env_frames;
   while (first_index_ < state.done_index && !in_hand_.empty() && in_hand_.front().was_sent)
     finish_first(true);
   if (was_silent)  // what was under way when the network went is gone

@@ -505,6 +505,7 @@ void FrameReceiver::tell(uint64_t id, Guest& guest) {
                                                                                   : "running";
   batch.message = guest.refusal;
   batch.credit_index = guest.begun + guest.reserved.size();
+  batch.schedule_env_frames = arena_.control().schedule_env_frames.load();
   batch.payload = guest.payload;
   if (!bus_.write(batch)) return;  // again in the next turn
   guest.told_s = clock_.now_s();

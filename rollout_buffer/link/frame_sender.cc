@@ -265,6 +265,7 @@ bool FrameSender::take_actions() {
       arena_.control().goal_reached = kAskedToLeave;  // the supervisor stops simulators
     if (session_ != batch.session) begin_anew(batch.session);
     credit_ = batch.credit_index;
+    arena_.control().schedule_env_frames = batch.schedule_env_frames;
     has_moved |= take_answers(batch.payload);
   });
   return has_moved;

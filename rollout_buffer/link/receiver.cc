@@ -287,15 +287,16 @@ void Receiver::tell(Guest& guest) {
                                 : guest.is_asked_to_leave                            ? "leaving"
                                 : control.run_state.load() == shm::RunState::kPaused ? "paused"
                                                                                      : "running";
-  const Status written = bus_.write(dds::FeedState{.feeder_id = guest.record.feeder_id,
-                                                   .session = session_,
-                                                   .epoch = guest.epoch,
-                                                   .beat = ++beat_,
-                                                   .run_state = run_state,
-                                                   .message = guest.refusal,
-                                                   .done_index = guest.told_done,
-                                                   .credit_index = guest.told_credit,
-                                                   .epsilon = control.epsilon.load()});
+  const Status written =
+      bus_.write(dds::FeedState{.feeder_id = guest.record.feeder_id,
+                                .session = session_,
+                                .epoch = guest.epoch,
+                                .beat = ++beat_,
+                                .run_state = run_state,
+                                .message = guest.refusal,
+                                .done_index = guest.told_done,
+                                .credit_index = guest.told_credit,
+                                .schedule_env_frames = control.schedule_env_frames.load()});
   if (!written) guest.is_to_be_told = true;
 }
 

@@ -35,7 +35,7 @@ Hparam hparam_of(const SettingRow& row, const RunConfig& config) {
                 .leads = std::ranges::find(kLeadingColumns, row.name) != kLeadingColumns.end()};
   if (row.kind == SettingKind::kBool)
     hparam.value = text == "true";
-  else if (!row.is_text())
+  else if (!row.is_text(text))
     hparam.value = std::strtod(text.c_str(), nullptr);
   return hparam;
 }

@@ -47,7 +47,7 @@ Expected<Values> values_of(const toml::table& table, const std::string& path) {
       continue;
     }
     const SettingRow* row = find_setting(key.str());
-    const bool may_be_a_list = row != nullptr && row->is_text();
+    const bool may_be_a_list = row != nullptr && row->may_be_a_list();
     std::optional<std::string> text = may_be_a_list ? value_text(node) : toml_scalar_text(node);
     if (!text)
       return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +

@@ -1,6 +1,7 @@
 #include "rollout_buffer/settings/other_names.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/encoder_layers.h"
@@ -20,7 +21,35 @@ Status assign_core(RunConfig& config, const std::string& origin, std::string_vie
   return {};
 }
 
+/// Epsilon was three settings, the ends of a line and its length, before it was a schedule.
+enum class EpsilonPart { kStart, kEnd, kEnvFrames };
+template <EpsilonPart part>
+Status assign_epsilon(RunConfig& config, const std::string& origin, std::string_view text) {
+  const std::optional<double> number = read_real(text);
+  const bool is_length = part == EpsilonPart::kEnvFrames;
+  if (!number || *number < 0 || *number > (is_length ? 1e15 : 1) || (is_length && *number == 0))
+    return Error{ErrorCode::kBadInput, origin + ": " +
+                                           (is_length ? "epsilon's env frames are '" : "epsilon is '") +
+                                           std::string(text) + "'; it must be a number " +
+                                           (is_length ? "above 0 and at most 1e15" : "between 0 and 1") +
+                                           " (today --epsilon 1@0..0.01@2e7 says all three)"};
+  Schedule& epsilon = config.q_learning.epsilon;
+  const Schedule::Point end = epsilon.is_constant()
+                                  ? Schedule::Point{.value = epsilon.last(), .env_frames = 1}
+                                  : epsilon.points().back();
+  epsilon = Schedule::line(part == EpsilonPart::kStart ? *number : epsilon.at(0),
+                           part == EpsilonPart::kEnd ? *number : end.value,
+                           part == EpsilonPart::kEnvFrames ? *number : end.env_frames);
+  return {};
+}
+
 constexpr OtherName kOtherNames[] = {
+    {.name = "epsilon_start", .assign = assign_epsilon<EpsilonPart::kStart>, .sets = {"epsilon"}},
+    {.name = "epsilon_end", .assign = assign_epsilon<EpsilonPart::kEnd>, .sets = {"epsilon"}},
+    {.name = "epsilon_decay_env_frames",
+     .assign = assign_epsilon<EpsilonPart::kEnvFrames>,
+     .sets = {"epsilon"}},
+    {.name = "epsilon_decay_steps", .assign = assign_epsilon<EpsilonPart::kEnvFrames>, .sets = {"epsilon"}},
     {.name = "value_bootstrap", .is_boolean = true, .setting = "legacy_timeouts"},
     {.name = "core", .assign = assign_core, .sets = {"use_rnn", "rnn_type", "rnn_size", "rnn_num_layers"}},
     {.name = "env_framestack",

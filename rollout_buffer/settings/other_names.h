@@ -1,5 +1,5 @@
 // Names that are no setting, one row each. Most are Sample Factory's: what COMRAD always does, the setting to use instead, or
-// the one whose opposite it is; `core` stands for several settings. Names that mean the same as a setting are its old_names (setting.h).
+// the one whose opposite it is; `core` stands for several settings, `epsilon_end` for a part of one. Names that mean the same as a setting are its old_names (setting.h).
 // Stage: before a run.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace comrad {
 
-/// One name. Either `setting` names a boolean setting whose opposite it is, `assign` sets several settings, or the other members
+/// One name. Either `setting` names a boolean setting whose opposite it is, `assign` sets what it stands for, or the other members
 /// count.
 struct OtherName {
   std::string_view name;

@@ -1,6 +1,8 @@
 #include "rollout_buffer/settings/recipes.h"
 
+#include <array>
 #include <string>
+#include <vector>
 
 namespace comrad {
 namespace {
@@ -95,10 +97,9 @@ constexpr RecipeRow kRecipeRows[] = {
     {"small", "idqn", "learning_rate", "2e-4", "few updates; twice the published rate"},
     {"small", "qplex_d qplex_q", "learning_rate", "1e-4",
      "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/NOTES.md)"},
-    {"small", "q_learning", "epsilon_decay_env_frames", "3e5",
-     "the published 20 M env frames are longer than a run on two cores"},
-    {"small", "q_learning", "epsilon_end", "0.05",
-     "the way down is sixty times shorter, so some exploration stays"},
+    {"small", "q_learning", "epsilon", "1@0..0.05@3e5",
+     "the published 20 M env frames are longer than a run on two cores; so short a way leaves some "
+     "exploration"},
     {"small", "q_learning", "learning_starts_decisions", "10000",
      "the published 50 000 decisions are a tenth of a run of 2 M env frames"},
 };
@@ -110,7 +111,10 @@ SettingsLayer rows_of(std::string origin, std::string_view preset, const Algorit
   return layer;
 }
 
+constexpr std::array<std::string_view, 4> kGroups = {"all", "on_policy", "q_learning", "mixers"};
+
 bool is_called(const AlgorithmRow& algorithm, std::string_view word) {
+  if (word == "all") return true;
   if (word == "on_policy") return !algorithm.learns_q_values();
   if (word == "q_learning") return algorithm.learns_q_values();
   if (word == "mixers") return algorithm.mixes_q_values();
@@ -128,6 +132,8 @@ bool RecipeRow::is_for(const AlgorithmName& algorithm) const {
   }
   return false;
 }
+
+std::span<const std::string_view> algorithm_groups() { return kGroups; }
 
 std::span<const RecipeRow> recipe_rows() { return kRecipeRows; }
 
@@ -151,7 +157,10 @@ SettingsLayer qplex_preset_settings(QplexPreset preset) {
 SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset,
                                 const AlgorithmName& algorithm) {
   SettingsLayer chosen{training.origin, {}};
-  for (const std::string_view name : {algorithm->recipe_of, algorithm->name}) {
+  std::vector<std::string_view> names(kGroups.begin(), kGroups.end());
+  names.insert(names.end(), {algorithm->recipe_of, algorithm->name});
+  for (const std::string_view name : names) {
+    if (!is_called(*algorithm, name)) continue;
     const std::string prefix = std::string(word_of(preset)) + "." + std::string(name) + ".";
     for (const auto& [key, value] : training.values)
       if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);

@@ -21,9 +21,8 @@ namespace comrad {
 
 /// One value of a recipe. Presets, settings and algorithms have their canonical names.
 struct RecipeRow {
-  std::string_view preset;  ///< "paper", "small"; empty: the algorithm's own, in every preset
-  std::string_view
-      algorithms;  ///< those that it holds for, separated by blanks: names, on_policy, q_learning, mixers
+  std::string_view preset;      ///< "paper", "small"; empty: the algorithm's own, in every preset
+  std::string_view algorithms;  ///< separated by blanks: names, or words of algorithm_groups()
   std::string_view setting;
   std::string_view value;  ///< as on the command line
   std::string_view reason;
@@ -44,8 +43,11 @@ SettingsLayer preset_settings(Preset preset, const AlgorithmName& algorithm);
 /// the scenario's: empty for "comrad", the authors' own for "paper". Source: Wang et al. 2021, arXiv:2008.01062.
 SettingsLayer qplex_preset_settings(QplexPreset preset);
 
-/// What a scenario says about one preset and algorithm: of its keys "<preset>.<algorithm>.<setting>" those
-/// that fit, without the first two parts; what it says of the row's `recipe_of` first, then of the row itself.
+/// Words for several algorithms at once, in tables of recipes: all, on_policy, q_learning, mixers.
+std::span<const std::string_view> algorithm_groups();
+
+/// What a scenario says about one preset and algorithm: of its keys "<preset>.<algorithm or group>.<setting>" those
+/// that fit, without the first two parts; what it says of groups first, then of the row's `recipe_of`, then of the row itself.
 /// The upper part of the preset's layer.
 SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset, const AlgorithmName& algorithm);
 

@@ -117,6 +117,10 @@ Status check_combinations(const RunConfig& c) {
     return refuse("lr_adaptive_max is " + real_text(c.optimisation.lr_adaptive_max) +
                   "; it must be at least lr_adaptive_min (" + real_text(c.optimisation.lr_adaptive_min) +
                   ")");
+  if (!c.optimisation.learning_rate.is_constant() && c.optimisation.lr_schedule != RateSchedule::kConstant)
+    return refuse("learning_rate is " + c.optimisation.learning_rate.text() + " and lr_schedule " +
+                  word_of(c.optimisation.lr_schedule) +
+                  "; only one of them can move the rate, so lr_schedule must be constant");
   if (!c.mixers.mixer.empty() && c.mixers.mixer != algo.mixer_name)
     return refuse(
         "mixer is " + c.mixers.mixer +

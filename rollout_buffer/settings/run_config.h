@@ -8,6 +8,7 @@
 #include <string>
 
 #include "rollout_buffer/settings/algorithms.h"
+#include "rollout_buffer/settings/schedule.h"
 #include "rollout_buffer/settings/words.h"
 
 namespace comrad {

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <optional>
 #include <type_traits>
 
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/other_names.h"
+#include "rollout_buffer/settings/reward_weights.h"
 
 namespace comrad {
 namespace {
@@ -22,28 +24,24 @@ bool parse(std::string_view text, std::string& value) {
   return true;
 }
 
-std::string_view without_plus(std::string_view given) {
-  std::string_view text = trimmed(given);
-  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
-  return text;
-}
-
-template <typename Number>
-bool parse_whole(std::string_view text, Number& value) {
-  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return failure == std::errc() && end == text.data() + text.size();
-}
-
 bool parse(std::string_view given, double& value) {
-  double parsed = 0;
-  if (!parse_whole(without_plus(given), parsed) || !std::isfinite(parsed)) return false;
-  value = parsed;
-  return true;
+  const std::optional<double> real = read_real(given);
+  value = real.value_or(value);
+  return real.has_value();
+}
+
+bool parse(std::string_view given, Schedule& value) {
+  const Expected<Schedule> schedule = Schedule::parse(given);
+  if (schedule) value = *schedule;
+  return schedule.has_value();
 }
 
 bool parse(std::string_view given, int64_t& value) {
+  std::string_view text = trimmed(given);
+  if (text.starts_with('+')) text.remove_prefix(1);
   int64_t parsed = 0;
-  if (parse_whole(without_plus(given), parsed)) {
+  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), parsed);
+  if (failure == std::errc() && end == text.data() + text.size()) {
     value = parsed;
     return true;
   }
@@ -82,6 +80,7 @@ std::string to_text(const std::string& value) { return value; }
 std::string to_text(bool value) { return value ? "true" : "false"; }
 std::string to_text(int64_t value) { return std::to_string(value); }
 std::string to_text(double value) { return real_text(value); }
+std::string to_text(const Schedule& value) { return value.text(); }
 std::string to_text(const AlgorithmName& value) { return value.name(); }
 template <typename Enum>
 requires std::is_enum_v<Enum> std::string to_text(Enum value) { return word_of(value); }
@@ -91,6 +90,7 @@ constexpr SettingKind kind_of() {
   if constexpr (std::is_same_v<T, bool>) return SettingKind::kBool;
   if constexpr (std::is_same_v<T, int64_t>) return SettingKind::kInt;
   if constexpr (std::is_same_v<T, double>) return SettingKind::kReal;
+  if constexpr (std::is_same_v<T, Schedule>) return SettingKind::kSchedule;
   if constexpr (std::is_same_v<T, std::string>) return SettingKind::kText;
   return SettingKind::kWord;
 }
@@ -106,6 +106,10 @@ template <typename T>
 bool within(const T& value, const Limits& limits) {
   if constexpr (std::is_same_v<T, int64_t> || std::is_same_v<T, double>)
     return limits.holds(static_cast<double>(value));
+  if constexpr (std::is_same_v<T, Schedule>)
+    return std::ranges::all_of(
+        value.points(), [&limits](double of_point) { return limits.holds(of_point); },
+        &Schedule::Point::value);
   if constexpr (std::is_same_v<T, std::string>)
     return is_utf8(value) && limits.holds(std::string_view(value));
   return true;
@@ -184,7 +188,6 @@ bool is_interface(std::string_view name) {
 constexpr std::string_view kWidthsWords = "none, or up to 8 widths between 1 and 8192 as 512,256";
 bool are_widths(std::string_view text) { return parse_widths(std::string(text)).has_value(); }
 
-constexpr std::string_view kRewardWeightsWords = "up to 64 weights as NAME=WEIGHT,NAME=WEIGHT";
 bool are_reward_weights(std::string_view text) { return parse_reward_weights(std::string(text)).has_value(); }
 
 std::vector<SettingRow> make_rows() {
@@ -311,6 +314,11 @@ bool SettingRow::has_name(std::string_view key) const {
          });
 }
 
+bool SettingRow::is_text(std::string_view value) const {
+  return kind == SettingKind::kText || kind == SettingKind::kWord ||
+         (kind == SettingKind::kSchedule && !read_real(value));
+}
+
 std::string SettingRow::must_be() const {
   switch (kind) {
     case SettingKind::kBool:
@@ -319,6 +327,8 @@ std::string SettingRow::must_be() const {
       return "a whole number";
     case SettingKind::kReal:
       return "a number";
+    case SettingKind::kSchedule:
+      return "a number, or numbers at growing env frames: 1e-3@0,1e-4@2e6 (steps), 1e-3@0..1e-4@2e6 (a line)";
     case SettingKind::kText:
       return "text";
     case SettingKind::kWord:
@@ -355,7 +365,7 @@ std::string setting_text(const RunConfig& config, std::string_view name) {
 }
 
 std::string setting_toml(const SettingRow& row, const std::string& text) {
-  return std::string(row.name) + " = " + (row.is_text() ? toml_string(text) : text) + "\n";
+  return std::string(row.name) + " = " + (row.is_text(text) ? toml_string(text) : text) + "\n";
 }
 
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text) {
@@ -389,26 +399,6 @@ Status check_limits(const RunConfig& config) {
                                                                "; it must be " + row.limits.words())};
   }
   return {};
-}
-
-Expected<std::vector<std::pair<std::string, double>>> parse_reward_weights(const std::string& text) {
-  constexpr std::size_t kMostWeights = 64;
-  constexpr double kWeightMax = 1e6;
-  std::vector<std::pair<std::string, double>> weights;
-  std::string_view rest = trimmed(text);
-  while (!rest.empty()) {
-    const std::size_t end = std::min(rest.find(','), rest.size());
-    const std::string_view one = trimmed(rest.substr(0, end));
-    const std::size_t equals = one.find('=');
-    const std::string_view name = trimmed(one.substr(0, equals));
-    double weight = 0;
-    if (equals == std::string_view::npos || name.empty() || !parse(trimmed(one.substr(equals + 1)), weight) ||
-        std::abs(weight) > kWeightMax || weights.size() == kMostWeights)
-      return Error{ErrorCode::kBadInput, "'" + text + "' must be " + std::string(kRewardWeightsWords)};
-    weights.emplace_back(name, weight);
-    rest = trimmed(rest.substr(std::min(end + 1, rest.size())));
-  }
-  return weights;
 }
 
 Expected<std::vector<int64_t>> parse_widths(const std::string& text) {

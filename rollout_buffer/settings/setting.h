@@ -2,7 +2,7 @@
 //
 //   SETTING(type, name, default, limits, "help", .old_names = {"lr"}, .fixed_in_a_run = true)
 //
-// type is bool, int64_t, double, std::string, an enum of words.h or AlgorithmName; limits one of the functions below; what
+// type is bool, int64_t, double, Schedule, std::string, an enum of words.h or AlgorithmName; limits one of the functions below; what
 // follows the help are members of SettingTraits and may be left out. To add a setting, add its row: the member of
 // RunConfig, its flag, key of TOML files, help, check and line of `comrad config` come from it.
 //
@@ -78,7 +78,7 @@ struct SettingTraits {
   bool is_changed_first = false;  ///< among the twenty that `comrad help train` shows without --all
 };
 
-enum class SettingKind { kBool, kInt, kReal, kText, kWord };
+enum class SettingKind { kBool, kInt, kReal, kSchedule, kText, kWord };
 
 /// A row as the program sees it.
 struct SettingRow {
@@ -96,8 +96,10 @@ struct SettingRow {
   bool has_name(std::string_view key) const;
   /// Whether its value makes a difference among these resolved settings.
   bool counts(const RunConfig& config) const { return traits.counts_with.holds(config); }
-  /// Its values are text, which TOML and JSON quote.
-  bool is_text() const { return kind == SettingKind::kText || kind == SettingKind::kWord; }
+  /// Whether TOML and JSON quote this value of its.
+  bool is_text(std::string_view value) const;
+  /// Whether TOML may have a list of values, which are joined by commas.
+  bool may_be_a_list() const { return kind >= SettingKind::kSchedule; }
   /// What the value must be, for messages: "a whole number", "one of gru, lstm".
   std::string must_be() const;
 };
@@ -123,10 +125,6 @@ Status set(RunConfig& config, const std::string& origin, std::string_view key, s
 
 /// Every value is within its row's limits. Errors: kBadInput naming the first that is not, and what it may be.
 Status check_limits(const RunConfig& config);
-
-/// The weights that `text` lists as NAME=WEIGHT, separated by commas, in its order: [name, weight]; none for empty text.
-/// Errors: kBadInput for a name without a weight, one that is no number or beyond +-1e6, or more than 64 of them.
-Expected<std::vector<std::pair<std::string, double>>> parse_reward_weights(const std::string& text);
 
 /// The layer widths that `text` lists, separated by commas or blanks ("512,256"); none for "none" or empty
 /// text. Errors: kBadInput for more than 8 widths or one outside 1 to 8192.

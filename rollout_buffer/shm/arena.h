@@ -168,7 +168,8 @@ struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<uint64_t> slabs_sealed;        ///< next seal ticket
   std::atomic<uint64_t> learner_env_frames;  ///< counted by the learner
   std::atomic<uint64_t> learner_decisions_before;  ///< of the run when this learner began (learner)
-  std::atomic<float> epsilon;  ///< Q-learning: share of random decisions, the same in all policy workers
+  std::atomic<uint64_t>
+      schedule_env_frames;  ///< of the run, where schedules stand: the learner's count, on other hosts from the link
   std::atomic<uint32_t> checkpoint_seq;  ///< grows: the learner is to save a checkpoint (supervisor)
   std::atomic<uint32_t>
       goal_reached;  ///< 1: the learner ended because a limit of the run was reached; link/feeder.h

@@ -348,7 +348,9 @@ Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& sp
     reader.variable("when", term.when, spec.exports, term_variable_names(), false);
     reader.variable("unless", term.unless, spec.exports, term_variable_names(), false);
     reader.choice("kind", term.kind, reward_kinds(), true);
-    reader.required("weight", term.weight);
+    double weight = term.weight.last();
+    reader.required("weight", weight);
+    term.weight = weight;
     reader.choice("scope", term.scope, reward_scopes(), false);
     reader.optional("cap", term.cap);
     reader.optional("per_agent", term.per_agent);
@@ -373,7 +375,7 @@ Status read_render(const std::string& path, TableReader& root, ScenarioSpec& spe
   return reader.finish();
 }
 
-/// One table [training.<preset>.<algorithm>]: the keys of its settings get "<preset>.<algorithm>." in front. Each is tried
+/// One table [training.<preset>.<algorithm or group>]: the keys of its settings get "<preset>.<algorithm>." in front. Each is tried
 /// on a RunConfig, so that a wrong one is found here. False after root.fail().
 bool read_recipe(TableReader& root, const std::string& preset, const std::string& algorithm,
                  const toml::table& table, SettingsLayer& training) {
@@ -395,16 +397,15 @@ bool read_recipe(TableReader& root, const std::string& preset, const std::string
   return true;
 }
 
-/// The scenario's rows of the recipes, tables [training.<preset>.<algorithm>] and nothing else: a value for all
-/// algorithms would silently take the place of each one's own. finish() of the root reports what is wrong.
+/// The scenario's rows of the recipes: tables [training.<preset>.<algorithm>], or a group of algorithms (recipes.h), and nothing else.
 void read_training(TableReader& root, ScenarioSpec& spec) {
   spec.training.origin = "scenario " + spec.name;
   const toml::table* training = root.table("training");
   if (training == nullptr) return;
   const auto refuse = [&](const toml::key& key, const std::string& what) {
     root.fail(key.source(), what +
-                                "; a scenario sets values for one preset and algorithm, in a table such as "
-                                "[training.small.ippo]");
+                                "; a scenario sets values for one preset and an algorithm or several (all, "
+                                "on_policy, q_learning, mixers), in a table such as [training.small.ippo]");
   };
   for (const auto& [preset_key, preset_node] : *training) {
     const std::string preset(preset_key.str());
@@ -414,13 +415,16 @@ void read_training(TableReader& root, ScenarioSpec& spec) {
     const toml::table* of_preset = preset_node.as_table();
     if (of_preset == nullptr) return refuse(preset_key, "'training." + preset + "' is no table");
     for (const auto& [algorithm_key, algorithm_node] : *of_preset) {
-      const std::string name(algorithm_key.str());
-      const Expected<const AlgorithmRow*> known = algorithm_named(name);
-      if (!known) return refuse(algorithm_key, known.error().message);
+      std::string name(algorithm_key.str());
+      if (std::ranges::find(algorithm_groups(), name) == algorithm_groups().end()) {
+        const Expected<const AlgorithmRow*> known = algorithm_named(name);
+        if (!known) return refuse(algorithm_key, known.error().message);
+        name = (*known)->name;
+      }
       const toml::table* of_algorithm = algorithm_node.as_table();
       if (of_algorithm == nullptr)
         return refuse(algorithm_key, "'training." + preset + "." + name + "' is no table");
-      if (!read_recipe(root, preset, std::string((*known)->name), *of_algorithm, spec.training)) return;
+      if (!read_recipe(root, preset, name, *of_algorithm, spec.training)) return;
     }
   }
 }

@@ -10,7 +10,7 @@ namespace comrad::scenarios {
 std::vector<std::string> reward_kinds() { return {"delta", "rise", "fall", "new_max", "value", "event"}; }
 std::vector<std::string> reward_scopes() { return {"own", "team"}; }
 
-Status change_weights(ScenarioSpec& spec, const std::vector<std::pair<std::string, double>>& weights) {
+Status change_weights(ScenarioSpec& spec, const std::vector<RewardWeight>& weights) {
   for (const auto& [name, weight] : weights) {
     const auto term = std::ranges::find(spec.rewards, name, &RewardTerm::name);
     if (term == spec.rewards.end()) {
@@ -30,10 +30,18 @@ RewardTracker::RewardTracker(const std::vector<RewardTerm>& terms, int num_agent
   for (const RewardTerm& term : terms) {
     const auto kind = std::find(kinds.begin(), kinds.end(), term.kind);
     COMRAD_CHECK(kind != kinds.end(), "the loader refuses unknown reward kinds");
-    terms_.push_back({static_cast<Kind>(kind - kinds.begin()),
-                      term.per_agent ? term.weight / num_agents : term.weight, term.cap});
+    terms_.push_back({.kind = static_cast<Kind>(kind - kinds.begin()),
+                      .weight = 0,
+                      .cap = term.cap,
+                      .schedule = term.weight,
+                      .shared_by = term.per_agent ? num_agents : 1});
   }
+  set_env_frames(0);
   before_.resize(terms_.size() * num_agents_);
+}
+
+void RewardTracker::set_env_frames(double env_frames) {
+  for (Term& term : terms_) term.weight = term.schedule.at(env_frames) / term.shared_by;
 }
 
 void RewardTracker::reset(std::span<const double> value) {

@@ -20,9 +20,9 @@
 #include <cstdint>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "rollout_buffer/settings/reward_weights.h"
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
@@ -31,9 +31,9 @@ namespace comrad::scenarios {
 std::vector<std::string> reward_kinds();
 std::vector<std::string> reward_scopes();
 
-/// Gives reward terms of `spec` other weights, [name, weight]. Where the score is the return, its ceiling is not known then.
+/// Gives reward terms of `spec` other weights. Where the score is the return, its ceiling is not known then.
 /// Errors: kBadInput for a term that the scenario does not have, with the nearest name.
-Status change_weights(ScenarioSpec& spec, const std::vector<std::pair<std::string, double>>& weights);
+Status change_weights(ScenarioSpec& spec, const std::vector<RewardWeight>& weights);
 
 /// The reward terms of one environment, with what they remember of the episode.
 class RewardTracker {
@@ -45,6 +45,9 @@ class RewardTracker {
   /// holds the same number N times.
   void reset(std::span<const double> value);
 
+  /// From now on weights are those of a run that has made so many env frames. Before the first call: of none.
+  void set_env_frames(double env_frames);
+
   /// Adds nothing up from before: writes the rewards of one decision.
   ///   value   [term, N]  variables after the decision
   ///   reward  [N]        written
@@ -55,7 +58,10 @@ class RewardTracker {
   enum class Kind { kDelta, kRise, kFall, kNewMax, kValue, kEvent };
   struct Term {
     Kind kind;
-    double weight, cap;
+    double weight;  ///< of now, for one agent
+    double cap;
+    Schedule schedule;
+    int shared_by;
   };
   int num_agents_;
   std::vector<Term> terms_;

@@ -15,6 +15,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/schedule.h"
 #include "rollout_buffer/settings/settings_layer.h"
 
 namespace comrad::scenarios {
@@ -55,9 +56,9 @@ struct MeasurementTerm {
 struct RewardTerm {
   std::string name;
   std::string variable;
-  int agent_stride = 0;  ///< agent i reads USER(k + i * stride): one global for each player
-  std::string kind;      ///< delta, rise, fall, new_max, value, event
-  double weight = 0.0;
+  int agent_stride = 0;       ///< agent i reads USER(k + i * stride): one global for each player
+  std::string kind;           ///< delta, rise, fall, new_max, value, event
+  Schedule weight = 0.0;      ///< a scenario says a number; --reward may say one over env frames
   std::string scope = "own";  ///< own | team (a team variable; weight is divided by N when per_agent)
   double cap = 0.0;           ///< 0: none
   bool per_agent = false;     ///< divide the weight by N

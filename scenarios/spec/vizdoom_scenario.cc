@@ -8,7 +8,6 @@
 #include "doomgen/wad/udmf_reader.h"
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/settings/algorithms.h"
 #include "scenarios/spec/action_heads.h"
 
 namespace comrad::scenarios {
@@ -226,9 +225,7 @@ Expected<ScenarioSpec> vizdoom_scenario(const VizdoomConfig& config) {
   // What a file lists as available variables ViZDoom's agent is given; a health that no pixel shows decided whether
   // health_gathering was learned (scenarios/VIZDOOM.md, "What learns").
   spec.training.origin = "ViZDoom's games";
-  if (!spec.measurements.empty())
-    for (const std::string& algorithm : algorithm_names())
-      spec.training.values.emplace_back("small." + algorithm + ".use_additional_input", "true");
+  if (!spec.measurements.empty()) spec.training.values.emplace_back("small.all.use_additional_input", "true");
   spec.hud = config.hud, spec.crosshair = config.crosshair;
   spec.screen_flashes = config.screen_flashes, spec.weapon = config.weapon;
   if (config.minimal_hud)

@@ -27,7 +27,7 @@ Json rewards_of(const ScenarioSpec& spec) {
                        {"variable", term.variable},
                        {"agent_stride", term.agent_stride},
                        {"kind", term.kind},
-                       {"weight", term.weight},
+                       {"weight", term.weight.last()},
                        {"scope", term.scope},
                        {"per_agent", term.per_agent},
                        {"cap", term.cap},

@@ -91,6 +91,9 @@ class DoomEnvironment final : public Environment {
   Status choose_layout(int layout_index) override;
   /// What choose_layout() chooses from; null: the game it was made with.
   void choose_from(std::shared_ptr<LayoutLibrary> library) { library_ = std::move(library); }
+  void set_env_frames(uint64_t env_frames) override {
+    rewards_.set_env_frames(static_cast<double>(env_frames));
+  }
   void reset(uint64_t episode_seed) override;
   void step(std::span<const int32_t> action) override;
   /// The same with what each agent presses [N], for frame_skip tics.

@@ -53,6 +53,8 @@ class Environment {
     return Error{ErrorCode::kBadInput,
                  "layout " + std::to_string(layout_index) + " of a set that plays one map was asked for"};
   }
+  /// Where the run that plays here stands, for weights of rewards that change with it. Never called in evaluations.
+  virtual void set_env_frames(uint64_t /*env_frames*/) {}
   /// Starts an episode that is a pure function of `episode_seed` and the actions that follow.
   virtual void reset(uint64_t episode_seed) = 0;
   /// Advances frame_skip tics (fewer when the episode ends inside). `action` is [N, heads]; out-of-range

@@ -7,7 +7,7 @@
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/settings/setting.h"
+#include "rollout_buffer/settings/reward_weights.h"
 #include "scenarios/spec/action_heads.h"
 #include "scenarios/spec/scenario_files.h"
 #include "sim_workers/env/doom_env.h"

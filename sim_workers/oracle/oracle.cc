@@ -77,6 +77,7 @@ class OracleEnvironmentSet::Guided final : public Environment {
     COMRAD_TRY_ASSIGN(player_, OraclePlayer::create(inner_.game()));
     return {};
   }
+  void set_env_frames(uint64_t env_frames) override { inner_.set_env_frames(env_frames); }
   void reset(uint64_t episode_seed) override { player_.reset(inner_, episode_seed); }
   void step(std::span<const int32_t> action) override {
     if (seats_.empty())

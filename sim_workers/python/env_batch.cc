@@ -185,6 +185,11 @@ Status EnvBatch::open() {
   const std::optional<doom::AutomapMode> mode = doom::find_automap_mode(automap_mode);
   if (!mode) return bad("automap_mode '" + automap_mode + "' is none of " + doom::kAutomapModeNames);
   automap_.mode = *mode;
+  if (has_reward_schedule(options_.reward))
+    return bad("reward is '" + options_.reward +
+               "'; weights over env frames are for a run that trains (comrad train --reward), so each term "
+               "must have "
+               "one number");
   sim::EnvironmentOptions environment{.scenario = options_.scenario,
                                       .wad_path = options_.maps.front(),
                                       .num_agents = options_.num_agents,

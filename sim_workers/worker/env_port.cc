@@ -129,6 +129,8 @@ bool EnvPort::begin_slab(uint64_t rollouts_allowed) {
   slab_ = arena_.slab(static_cast<int>(slab_index_));
   step_ = 0;
   final_count_ = 0;
+  // Once a trajectory: in lock step the learner counts between two of them, so a resumed run has the same weights.
+  if (!rules_.evaluate) environment_.set_env_frames(arena_.control().schedule_env_frames.load());
   shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab_index_));
   header.env_index = static_cast<uint32_t>(env_index_);
   header.length = 0;

@@ -79,7 +79,7 @@ TEST(Help, ShowsWhatPeopleChangeFirstAndWithAllEverySetting) {
   const Ending plain = comrad({"help", "train"});
   ASSERT_EQ(plain.exit_code, 0) << plain.err;
   EXPECT_THAT(plain.out,
-              AllOf(HasSubstr("--scenario TEXT"), HasSubstr("--learning_rate NUMBER"),
+              AllOf(HasSubstr("--scenario TEXT"), HasSubstr("--learning_rate SCHEDULE"),
                     HasSubstr("more: comrad help train --all"), HasSubstr("comrad help train --algo")));
   EXPECT_THAT(plain.out, ::testing::Not(AnyOf(HasSubstr("--plr_rho"), HasSubstr("\nOn policy\n"))));
   EXPECT_THAT(plain.out, HasSubstr("preset; built-in")) << "the default preset's values";
@@ -108,7 +108,7 @@ TEST(Help, WithFlagsShowsTheValuesThatHoldForThem) {
 TEST(Help, OfAnEvaluationListsWhatItUses) {
   const std::string help = comrad({"help", "eval"}).out;
   EXPECT_THAT(help, AllOf(HasSubstr("--episodes N"), HasSubstr("--layout_pool TEXT")));
-  EXPECT_THAT(help, ::testing::Not(AnyOf(HasSubstr("--learning_rate"), HasSubstr("--epsilon_start"))));
+  EXPECT_THAT(help, ::testing::Not(AnyOf(HasSubstr("--learning_rate"), HasSubstr("--epsilon_per_head"))));
 }
 
 /// What a text of the form "comrad-..." in `folder`'s sources names.

@@ -97,6 +97,24 @@ TEST(Deterministic, ResumingHalfWayEqualsNeverStopping) {
   EXPECT_GT(expect_same_training(undisturbed(kEnvSteps), scratch / "resumed"), 20u);
 }
 
+TEST(Deterministic, SchedulesAndStagesOfRewardsGoOnExactlyAfterAResume) {
+  const ScratchFolder scratch;
+  // Each moves before, at and after the half.
+  const std::vector<std::string> settings = {"--reward",
+                                             "health_lost=-0.5@0..-0.01@8192,kit_taken=0@0,1@2048,0.3@6144",
+                                             "--learning_rate",
+                                             "2e-3@0..1e-4@8192",
+                                             "--exploration_loss_coeff",
+                                             "0.02@0,0.001@4096",
+                                             "--ppo_clip_ratio",
+                                             "0.3@1024..0.1@7168"};
+  train(scratch, "straight", kEnvSteps, settings);
+  train(scratch, "resumed", kEnvSteps / 2, settings);
+  train(scratch, "resumed", kEnvSteps);
+  EXPECT_GT(expect_same_training(scratch / "straight", scratch / "resumed"), 20u);
+  EXPECT_TRUE(differ(undisturbed(kEnvSteps), scratch / "straight"));
+}
+
 TEST(DeterministicLong, MappoAndHappoResumedHalfWayEqualNeverStopping) {
   const ScratchFolder scratch;
   for (const std::string algo : {"mappo", "happo"}) {

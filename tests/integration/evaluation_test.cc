@@ -275,6 +275,20 @@ TEST_F(EvaluationOfRuns, AnotherVariantOrVersionIsPlayedAndTold) {
                  {"has no variant 'refrence'", "known: default, reference"});
 }
 
+TEST_F(EvaluationOfRuns, RewardsInStagesAreNotWhatIsScored) {
+  const std::vector<std::string> words = {"--decision_limit", "30", "--policy"};
+  const auto played = [&](const std::string& player) {
+    std::vector<std::string> all = words;
+    all.push_back(player);
+    return play(all)["each"];
+  };
+  const auto own = played(run("a"));
+  EXPECT_EQ(played(copy_with("staged", "reward", "\"health_lost=-100@0,-200@1e6\"")), own);
+  EXPECT_NE(played(copy_with("changed", "reward", "\"health_lost=-100\"")), own);
+  expect_refused({"--policy", run("a"), "--reward", "health_lost=-1@0,-2@1e6"},
+                 {"--reward=health_lost=-1@0,-2@1e6", "give each term one number"});
+}
+
 TEST_F(EvaluationOfRuns, RunsOfAnotherGameAreRefusedByName) {
   const std::string larger = copy_with("larger", "num_agents", "3"),
                     elsewhere = copy_with("elsewhere", "scenario", "\"lava_pit\""),

@@ -45,6 +45,10 @@ class ToyEnvironment : public sim::Environment {
     return {};
   }
 
+  void set_env_frames(uint64_t env_frames) override { std::atomic_ref(env_frames_).store(env_frames); }
+  /// What it was told last, from any thread.
+  uint64_t env_frames() { return std::atomic_ref(env_frames_).load(); }
+
   void reset(uint64_t episode_seed) override {
     seed_ = episode_seed;
     state_ = mix64(episode_seed + static_cast<uint64_t>(layout_));
@@ -103,6 +107,7 @@ class ToyEnvironment : public sim::Environment {
   }
 
  private:
+  uint64_t env_frames_ = 0;
   ToyOptions options_;
   uint64_t seed_ = 0, state_ = 0;
   uint32_t step_ = 0, length_ = 1;

@@ -65,6 +65,9 @@ constexpr Row kPaper[] = {
     {"reward_clip", "1000"},
     {"normalize_returns", "true"},
     {"returns_clip", "5"},
+    {"returns_half_life_decisions", "0"},
+    {"popart", "false"},
+    {"advantage_deviation_min", "0"},
     {"normalize_input", "true"},
     {"legacy_timeouts", "false"},
     // 3.2 PPO
@@ -106,9 +109,7 @@ constexpr Row kPaper[] = {
     {"happo_agent_order", "random"},
     {"happo_factor_clamp", "0"},
     // 3.2 Q, with 3.1's four updates; 7 item 18: heads explore one by one; 7 item 11: beta takes the whole run
-    {"epsilon_start", "1"},
-    {"epsilon_end", "0.01"},
-    {"epsilon_decay_env_frames", "2e7"},
+    {"epsilon", "1@0..0.01@2e7"},
     {"epsilon_per_head", "true"},
     {"double_dqn", "true"},
     {"target_update_tau", "0.005"},
@@ -170,8 +171,9 @@ constexpr Row kSmall[] = {
     {"learning_rate", "4e-4 4e-4 4e-4 2e-4 5e-4 2.5e-4 1e-4 1e-4"},
     {"max_grad_norm", "4 4 4 4 4 0.5 4 4"},
     {"ppo_clip_ratio", "0.2 0.2 0.2 0.1 0.1 0.1 0.1 0.1"},
-    {"epsilon_decay_env_frames", "2e7 2e7 2e7 3e5 3e5 3e5 3e5 3e5"},
-    {"epsilon_end", "0.01 0.01 0.01 0.05 0.05 0.05 0.05 0.05"},
+    {"epsilon",
+     "1@0..0.01@2e7 1@0..0.01@2e7 1@0..0.01@2e7 1@0..0.05@3e5 1@0..0.05@3e5 1@0..0.05@3e5 1@0..0.05@3e5 "
+     "1@0..0.05@3e5"},
     {"learning_starts_decisions", "50000 50000 50000 10000 10000 10000 10000 10000"},
     {"qmix_batch_sequences", "8 8 8 8 4 4 4 4"},
     {"replay_ratio", "0 0 0 0 4 4 4 4"},

@@ -91,9 +91,9 @@ class CalmIppo final : public Ippo {
 
  protected:
   LossTerms loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
-                 std::span<const Tensor> counts) const override {
-    LossTerms terms = Ippo::loss(output, rows, counts);
-    const Tensor weight = rows.acting().to(torch::kFloat32) / counts[1],
+                 const PpoScalars& scalars) const override {
+    LossTerms terms = Ippo::loss(output, rows, scalars);
+    const Tensor weight = rows.acting().to(torch::kFloat32) / scalars.acting_count,
                  square = output.logits.square().sum(-1);
     terms.add("logit_penalty", coeff_ * (square * weight).sum());
     terms.mean("logit_square", square.detach(), weight);

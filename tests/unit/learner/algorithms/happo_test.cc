@@ -45,12 +45,13 @@ TEST(HappoFactor, MatchesTheKnownAnswer) {
   const Tensor m = advantage * happo_ratio(old_log_prob + ratios.log(), old_log_prob, valid, 0);
   EXPECT_TRUE(torch::allclose(m, torch::tensor({1.2f, -0.4f, 3.0f}), 1e-5, 1e-6));
   const Tensor second = torch::tensor({0.9f, 1.3f, 1.0f});
-  const Tensor objective = clipped_objective(second, m, 0.1);
+  const ClipInterval clip = ClipInterval::of(torch::tensor(0.1, torch::kFloat64));
+  const Tensor objective = clipped_objective(second, m, clip);
   EXPECT_TRUE(torch::allclose(objective, torch::tensor({1.08f, -0.52f, 3.0f}), 1e-5, 1e-6));
   EXPECT_NEAR(-objective.mean().item<double>(), -1.186667, 1e-6);
-  EXPECT_NEAR(-clipped_objective(second, advantage, 0.1).mean().item<double>(), -0.75, 1e-6);
+  EXPECT_NEAR(-clipped_objective(second, advantage, clip).mean().item<double>(), -0.75, 1e-6);
   // The authors' form: the factor outside of the min.
-  EXPECT_NEAR(-(ratios * clipped_objective(second, advantage, 0.1)).mean().item<double>(), -1.186667, 1e-6);
+  EXPECT_NEAR(-(ratios * clipped_objective(second, advantage, clip)).mean().item<double>(), -1.186667, 1e-6);
 }
 
 TEST(HappoFactor, IsOneWhereInvalidAndClampedOnRequest) {

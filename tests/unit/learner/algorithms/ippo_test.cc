@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "policy_workers/device/torch_ops.h"
@@ -284,6 +286,81 @@ TEST(Ippo, ScalingRewardsLeavesNormalizedTargetsUnchanged) {
     targets.push_back(batch.target);
   }
   EXPECT_TRUE(torch::allclose(targets[0], targets[1], 1e-4, 1e-5));
+}
+
+TEST(Ippo, PopArtKeepsThePredictedReturnsWhenTheirStatisticsMove) {
+  for (const bool popart : {false, true}) {
+    RunConfig config = small_config();
+    config.on_policy.popart = popart;
+    const TrajectoryShape shape = small_shape(config);
+    Ippo ippo(config, shape.env, torch::kCPU);
+    RolloutBatch batch = noise_batch(shape, 4, 9);
+    act_with(ippo.net(), batch);
+    batch.reward.mul_(40);  // the statistics of a fresh run are 0 and 1
+    const auto returns = [&] {
+      torch::NoGradGuard no_grad;
+      return ippo.return_normalizer().denormalize(
+          ippo.net().sequence(batch.frame, batch.measurement, batch.recurrent_state, batch.reset).value);
+    };
+    const Tensor before = returns(), old_value = ippo.return_normalizer().denormalize(batch.value);
+    ippo.prepare_targets(batch);
+    ASSERT_GT(ippo.return_normalizer().sigma(), 10);
+    EXPECT_EQ(torch::allclose(returns(), before, 1e-4, 1e-3), popart);
+    EXPECT_EQ(torch::allclose(ippo.return_normalizer().denormalize(batch.value), old_value, 1e-4, 1e-3),
+              popart)
+        << "the old values that the clip is about";
+  }
+}
+
+TEST(Ippo, ClipAndExplorationAreThoseOfTheRunsEnvFrames) {
+  RunConfig scheduled = small_config();
+  scheduled.on_policy.ppo_clip_ratio = *Schedule::parse("0.4@0,0.05@1000");
+  scheduled.on_policy.exploration_loss_coeff = *Schedule::parse("0@0..0.5@1000");
+  const TrajectoryShape shape = small_shape(scheduled);
+  const auto updated = [&](const RunConfig& config, double env_frames) {
+    Ippo ippo(config, shape.env, torch::kCPU);
+    RolloutBatch batch = noise_batch(shape, 4, 9);
+    UpdateContext context;
+    context.env_frames = env_frames;
+    const Expected<UpdateStats> stats = ippo.update(batch, context);
+    EXPECT_TRUE(stats);
+    return std::pair(values_of(*stats), copies(ippo.net().parameters()));
+  };
+  for (const auto& [env_frames, clip, coeff] :
+       {std::tuple(0.0, 0.4, 0.0), {500.0, 0.4, 0.25}, {5000.0, 0.05, 0.5}}) {
+    RunConfig constant = small_config();
+    constant.on_policy.ppo_clip_ratio = clip;
+    constant.on_policy.exploration_loss_coeff = coeff;
+    const auto [values, weights] = updated(scheduled, env_frames);
+    EXPECT_TRUE(all_equal(weights, updated(constant, 0).second)) << env_frames;
+    EXPECT_EQ(values.at("train/ppo_clip_ratio"), clip);
+    EXPECT_EQ(values.at("train/exploration_loss_coeff"), coeff);
+  }
+}
+
+TEST(Ippo, AFloorUnderTheAdvantagesDeviationKeepsTheCriticsNoiseSmall) {
+  RunConfig config = small_config();
+  config.on_policy.advantage_deviation_min = 0.5;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  StateDict state;
+  ippo.save(state);
+  state.put("normalizer/returns_mean", 0.0);  // of returns far beyond those of this batch
+  state.put("normalizer/returns_variance", 1e4);
+  state.put("normalizer/returns_count", 1e9);
+  ASSERT_TRUE(ippo.load(state));
+  RolloutBatch batch = noise_batch(shape, 4, 9);
+  batch.value.mul_(1e-3);  // in deviations of returns
+  apply_lag_filter(batch, 0, 1000);
+  ippo.prepare_targets(batch);
+  TermValues terms;
+  ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, terms));
+  // Divided by 0.5 x 100, not by their own deviation.
+  const Tensor shift =
+      (50 * batch.advantage - batch.raw_advantage).masked_select(batch.acting().to(torch::kBool));
+  ASSERT_GT(shift.numel(), 4);
+  EXPECT_LT((shift.max() - shift.min()).item<double>(), 1e-3);
+  EXPECT_LT(batch.advantage.abs().max().item<double>(), 1);
 }
 
 TEST(Ippo, InvalidSamplesLowerTheLearningRateByTheirFraction) {

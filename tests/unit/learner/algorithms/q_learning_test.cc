@@ -715,15 +715,6 @@ TEST(QLearning, HasTheParameterCountsOfTheSpecification) {
   EXPECT_EQ(count("idqn"), 1'293'024 + 512 * 14 + 14);
 }
 
-TEST(QLearning, EpsilonFallsInAStraightLine) {
-  const RunConfig config;  // 1 to 0.01 over 20 M env frames
-  EXPECT_DOUBLE_EQ(epsilon_at(config, 0), 1.0);
-  EXPECT_NEAR(epsilon_at(config, 5e6), 0.7525, 1e-12);
-  EXPECT_NEAR(epsilon_at(config, 1e7), 0.505, 1e-12);
-  EXPECT_NEAR(epsilon_at(config, 2e7), 0.01, 1e-12);
-  EXPECT_NEAR(epsilon_at(config, 9e7), 0.01, 1e-12);
-}
-
 TEST(QLearning, ObservationsMoveTheStatisticsOfBothNetworks) {
   RunConfig config = q_config("vdn", true);
   config.network.normalize_input = true;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "policy_workers/device/torch_ops.h"
@@ -28,6 +29,34 @@ TEST(ReturnNormalizer, ReadsValidSamplesOnly) {
                 torch::tensor({1, 0, 1, 1, 1}, torch::kUInt8));
   EXPECT_DOUBLE_EQ(all.statistics().mean, masked.statistics().mean);
   EXPECT_DOUBLE_EQ(all.statistics().variance, masked.statistics().variance);
+}
+
+TEST(ReturnNormalizer, AHalfLifeForgetsByTheSamplesThatCame) {
+  ReturnNormalizer keeps, forgets(5, 100);
+  for (int batch = 0; batch < 50; ++batch)
+    for (ReturnNormalizer* normalizer : {&keeps, &forgets}) {
+      const float scale = batch < 25 ? 1.0f : 10.0f;
+      ASSERT_TRUE(normalizer->update(scale * torch::tensor({-1.0f, 0.0f, 1.0f, 4.0f}).repeat({5}), {}));
+    }
+  // The plain sums: a batch weighs half as much for every 100 samples that came after it. Its mean is its scale; of its 20
+  // samples the squares about that are 70 scale^2, and 20/19 of them count, as the variance is the unbiased one.
+  const double fresh = std::exp2(-50 * 20 / 100.0);
+  const auto sum_of = [](auto of_batch) {
+    double sum = 0;
+    for (int batch = 0; batch < 50; ++batch)
+      sum += std::exp2(-20 * (49 - batch) / 100.0) * of_batch(batch < 25 ? 1.0 : 10.0);
+    return sum;
+  };
+  const double count = fresh + sum_of([](double) { return 20.0; });
+  const double mean = sum_of([](double scale) { return 20 * scale; }) / count;
+  const double squares = fresh * (1 + mean * mean) + sum_of([mean](double scale) {
+                           return 70.0 * 20 / 19 * scale * scale + 20 * (scale - mean) * (scale - mean);
+                         });
+  EXPECT_NEAR(forgets.statistics().count, count, 1e-9);
+  EXPECT_NEAR(forgets.statistics().mean, mean, 1e-9);
+  EXPECT_NEAR(forgets.statistics().variance, squares / count, 1e-6);
+  EXPECT_GT(forgets.sigma(), 1.2 * keeps.sigma());
+  EXPECT_EQ(keeps.statistics().count, 1001);
 }
 
 TEST(ReturnNormalizer, KeepsItsStatisticsWhenABatchHasNothingToSay) {

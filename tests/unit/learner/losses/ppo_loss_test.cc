@@ -20,7 +20,9 @@ EnvShape two_heads() {
 
 double objective(double ratio, double advantage) {
   const Tensor clamped = importance_ratio(torch::tensor(std::log(ratio)), torch::tensor(0.0));
-  return clipped_objective(clamped, torch::tensor(advantage), 0.1).item<double>();
+  return clipped_objective(clamped, torch::tensor(advantage),
+                           ClipInterval::of(torch::tensor(0.1, torch::kFloat64)))
+      .item<double>();
 }
 
 TEST(PpoLoss, ObjectiveMatchesTheKnownAnswers) {
@@ -78,6 +80,15 @@ TEST(PpoLoss, StandardizeUsesTheUnbiasedDeviationOfValidSamples) {
       standardize(torch::tensor({1.0f, -0.5f, 77.0f, 2.0f}), torch::tensor({1, 1, 0, 1}, torch::kUInt8));
   const double expected[] = {0.132453, -1.059626, 0, 0.927173};
   for (int i = 0; i < 4; ++i) EXPECT_NEAR(standard[i].item<double>(), expected[i], 1e-6);
+}
+
+TEST(PpoLoss, AFloorKeepsSmallAdvantagesSmall) {
+  const Tensor advantage = torch::tensor({1.0f, -0.5f, 77.0f, 2.0f});  // deviation 1.2583 of those that count
+  const Tensor valid = torch::tensor({1, 1, 0, 1}, torch::kUInt8);
+  EXPECT_TRUE(torch::equal(standardize(advantage, valid, 1.2), standardize(advantage, valid)));
+  const Tensor floored = standardize(advantage, valid, 10);
+  const double expected[] = {0.0166667, -0.1333333, 0, 0.1166667};
+  for (int i = 0; i < 4; ++i) EXPECT_NEAR(floored[i].item<double>(), expected[i], 1e-6);
 }
 
 TEST(PpoLoss, StandardizeSurvivesEqualSingleAndMissingSamples) {

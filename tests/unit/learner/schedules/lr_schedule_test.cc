@@ -20,6 +20,25 @@ TEST(LrSchedule, ConstantStaysConstant) {
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 1e-4);
 }
 
+TEST(LrSchedule, TheSettingMayBeAScheduleOfItsOwn) {
+  RunConfig config = config_with(RateSchedule::kConstant);
+  config.optimisation.learning_rate = *Schedule::parse("4e-4@0..2e-4@500,1e-5@800");
+  LrSchedule schedule(config);
+  EXPECT_DOUBLE_EQ(schedule.learning_rate(), 4e-4);
+  schedule.before_batch(250);
+  EXPECT_DOUBLE_EQ(schedule.learning_rate(), 3e-4);
+  schedule.before_batch(799);
+  EXPECT_DOUBLE_EQ(schedule.learning_rate(), 2e-4);
+  StateDict state;
+  schedule.save(state);
+  LrSchedule resumed(config);
+  ASSERT_TRUE(resumed.load(state));
+  for (LrSchedule* one : {&schedule, &resumed}) {
+    one->before_batch(800);
+    EXPECT_DOUBLE_EQ(one->learning_rate(), 1e-5);
+  }
+}
+
 TEST(LrSchedule, LinearDecayReachesZeroAtTheLastEnvFrame) {
   LrSchedule schedule(config_with(RateSchedule::kLinearDecay));
   schedule.before_batch(0);

@@ -450,7 +450,7 @@ RunConfig small_q_config(const std::string& algo) {
   config.q_learning.dqn_batch_decisions = 12;
   config.q_learning.dqn_max_updates_per_batch = 2;
   config.replay.per_beta_env_frames = 1000;
-  config.q_learning.epsilon_decay_env_frames = 1000;
+  config.q_learning.epsilon = Schedule::line(1, 0.01, 1000);
   return config;
 }
 
@@ -651,7 +651,7 @@ TEST_F(LearnerTest, WarnsInWordsOfWhatReportsShowAndOfSettingsAtTheStart) {
   EXPECT_THAT(warnings(), ::testing::Not(::testing::HasSubstr("epsilon")));
 
   config = small_q_config("vdn");
-  config.q_learning.epsilon_decay_env_frames = 1e6;
+  config.q_learning.epsilon = Schedule::line(1, 0.01, 1e6);
   config.run.train_for_env_frames = 4096;
   ASSERT_TRUE(live(config, "explores").status);
   spdlog::set_default_logger(before);

@@ -124,12 +124,12 @@ TEST(LearningCheck, ExplorationThatDoesNotEndWithTheRun) {
   RunConfig config = config_of("vdn");
   config.run.train_for_env_frames = 2e6;  // of 2e7 that epsilon falls over
   EXPECT_THAT(LearningCheck(config).judge_settings(),
-              ElementsAre(AllOf(HasSubstr("epsilon 0.90"), HasSubstr("epsilon_decay_env_frames (2e+07"))));
+              ElementsAre(AllOf(HasSubstr("epsilon 0.90"), HasSubstr("--epsilon (1@0..0.01@2e7)"))));
   config.run.train_for_env_frames = 2e7 * (0.5 / 0.99) + 1;  // where epsilon is 0.5
   EXPECT_THAT(LearningCheck(config).judge_settings(), IsEmpty());
   config.run.train_for_env_frames -= 1e4;
   EXPECT_THAT(LearningCheck(config).judge_settings(), SizeIs(1));
-  config.q_learning.epsilon_end = 1;  // uniform play was asked for
+  config.q_learning.epsilon = 1;  // uniform play was asked for
   EXPECT_THAT(LearningCheck(config).judge_settings(), IsEmpty());
   EXPECT_THAT(LearningCheck(config_of("ippo")).judge_settings(), IsEmpty());
 }

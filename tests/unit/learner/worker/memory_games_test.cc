@@ -83,8 +83,7 @@ RunConfig maze_config(const Case& one) {
   config.q_learning.replay_ratio = 2;
   config.q_learning.qmix_batch_sequences = 32;
   config.q_learning.target_update_tau = 0.02;
-  config.q_learning.epsilon_end = 0.02;
-  config.q_learning.epsilon_decay_env_frames = 4 * 40'000;
+  config.q_learning.epsilon = Schedule::line(1, 0.02, 4 * 40'000);
   if (config.run.algo == "happo") config.environment.shared_reward_alpha = 1;  // its one value is the team's
   EXPECT_TRUE(resolve_settings(config, 2));
   return config;

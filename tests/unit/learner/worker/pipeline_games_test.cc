@@ -81,7 +81,7 @@ RunConfig game_config(const std::string& algo) {
   // rates lambda shrinks and they run away (to -1e5 at 1e-3, where two of five runs ended in the wrong branch).
   config.optimisation.learning_rate = algo.starts_with("qplex") ? 2e-4 : 1e-3;
   config.optimisation.lr_schedule = RateSchedule::kLinearDecay;
-  config.q_learning.epsilon_end = 1;  // uniform play: every joint action is equally likely
+  config.q_learning.epsilon = 1;  // uniform play: every joint action is equally likely
   config.replay.per = false;
   config.q_learning.learning_starts_decisions = 512;
   config.q_learning.replay_ratio = 4;
@@ -166,7 +166,7 @@ RunConfig hidden_config(const std::string& algo, CriticState state) {
   config.optimisation.learning_rate = 1e-3;
   config.optimisation.gamma = HiddenGame::kGamma;
   config.optimisation.num_epochs = 4;
-  config.q_learning.epsilon_end = 1;
+  config.q_learning.epsilon = 1;
   config.q_learning.learning_starts_decisions = 512;
   config.q_learning.replay_ratio = 4;
   config.q_learning.target_update_tau = 0.02;

@@ -439,7 +439,7 @@ TEST(Batcher, MaskedChoicesAreNeverAnswered) {
   }
 }
 
-TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
+TEST(Batcher, QValuesAreFollowedUpToTheEpsilonOfTheRunsEnvFrames) {
   NetworkOptions options = small_network();
   options.critic = CriticKind::kNone;
   const ActorCritic net = make_net(options);
@@ -449,11 +449,12 @@ TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
                                              {0.5f, Exploration::kAllHeads}}) {
     for (const bool greedy : {false, true}) {
       const shm::Arena arena = make_arena(options, {.envs_per_worker = 8, .splits = 1, .rollout_steps = 40});
-      arena.control().epsilon = epsilon;
+      arena.control().schedule_env_frames = 3000;
       Batcher batcher = make_batcher(arena, {.min_batch = 1,
                                              .max_wait_us = 0,
                                              .is_greedy = greedy,
                                              .is_epsilon_greedy = true,
+                                             .epsilon = Schedule::line(0, 2 * epsilon, 6000),
                                              .exploration = exploration});
       FakeSplit split(arena, 0, 0);
       int best = 0, all = 0;

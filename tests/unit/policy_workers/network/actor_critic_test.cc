@@ -188,6 +188,24 @@ TEST_P(EveryNet, FramesMayLieAnywhere) {
 
 INSTANTIATE_TEST_SUITE_P(ActorCritic, EveryNet, testing::Values("gru", "lstm", "none"));
 
+TEST(ActorCritic, RescaledValuesAreTheSameLineOfTheOldOnes) {
+  for (const CriticKind critic : {CriticKind::kOwn, CriticKind::kCentral, CriticKind::kJoint})
+    for (const CriticView view : {CriticView::kOwnFirst, CriticView::kPosition}) {
+      NetworkOptions options = small_options("gru");
+      options.critic = critic;
+      options.critic_view = view;
+      options.separate_agents = critic == CriticKind::kJoint;
+      const ActorCritic net = ActorCritic::create(options, 3, torch::kCPU);
+      const Tensor frame = random_frames(options, {4}), measurement = torch::randn({4, 3}),
+                   state = torch::zeros({4, options.recurrent_state_count()});
+      const PolicyOutput before = net.step(frame, measurement, state);
+      net.rescale_values(0.25, -1.5);
+      const PolicyOutput after = net.step(frame, measurement, state);
+      EXPECT_LT(largest_difference(after.value, 0.25 * before.value - 1.5), 1e-5);
+      EXPECT_TRUE(torch::equal(after.logits, before.logits));
+    }
+}
+
 TEST(ActorCritic, AnOptimizerStepIsSeenByTheNextPass) {
   const NetworkOptions options = small_options("gru");
   const ActorCritic net = ActorCritic::create(options, 3, torch::kCPU);

@@ -76,7 +76,7 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
       EXPECT_EQ(in.message, "because");
       EXPECT_EQ(in.done_index, 5u);
       EXPECT_EQ(in.credit_index, 9u);
-      EXPECT_EQ(in.epsilon, 0.25f);
+      EXPECT_EQ(in.schedule_env_frames, uint64_t{1} << 40);
     });
     bus.take_fragments([&](const TrajectoryFragment& in) {
       ++fragments;
@@ -112,7 +112,7 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
                                   .message = "because",
                                   .done_index = 5,
                                   .credit_index = 9,
-                                  .epsilon = 0.25f}));
+                                  .schedule_env_frames = uint64_t{1} << 40}));
   ASSERT_TRUE(bus.write(TrajectoryFragment{
       .feeder_id = 1, .send_index = 6, .length = 8, .rollout_index = 7, .payload = piece}));
   ASSERT_TRUE(bus.write(WeightsChunk{.chunk_count = 1, .version = 11, .bf16_count = 12, .payload = chunk}));

@@ -199,6 +199,7 @@ class FrameLink : public ::testing::TestWithParam<Compression> {};
 TEST_P(FrameLink, SimulatorsWithoutAPolicyPlayWithThatOfAnotherArena) {
   const uint64_t id = fresh_id();
   const shm::Arena near = make_arena(2, 1), far = make_arena(1, 2);
+  near.control().schedule_env_frames = 2'400'000;
   std::atomic<bool> stop{false};
   FrameReceiver receiver(near, open_link(id), {.first_worker = 1});
   FrameSenderOptions options;
@@ -226,6 +227,7 @@ TEST_P(FrameLink, SimulatorsWithoutAPolicyPlayWithThatOfAnotherArena) {
   EXPECT_EQ(player.wrong, 0);
   EXPECT_EQ(learned.wrong, 0u);
   EXPECT_EQ(learned.slabs, 100u) << "4 environments, 25 rollouts";
+  EXPECT_EQ(far.control().schedule_env_frames, 2'400'000u) << "where the run's schedules stand";
   const FrameAccount account = sender.account();
   EXPECT_EQ(account.decisions, 100u * 4 * 2);
   EXPECT_GT(account.latency_us_p50, 0);

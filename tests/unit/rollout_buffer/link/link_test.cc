@@ -288,17 +288,17 @@ TEST_F(LinkLong, ACableThatIsPulledForTwelveSecondsCostsNoDecision) {
   expect_exactly_once();
 }
 
-TEST_F(Link, WeightsAndEpsilonReachTheFeedingHost) {
+TEST_F(Link, WeightsAndTheRunsEnvFramesReachTheFeedingHost) {
   std::vector<std::byte> weights(4000, std::byte{3});
   learner_.publish_weights(weights, 5);
-  learner_.control().epsilon = 0.75f;
+  learner_.control().schedule_env_frames = 2'400'000;
   start_receiver();
   start_feeder();
   ASSERT_TRUE(eventually([&] { return player_.has_weights() && player_.weights_version() == 5; }));
   std::vector<std::byte> arrived;
   ASSERT_TRUE(player_.read_weights(arrived));
   EXPECT_EQ(arrived, weights);
-  EXPECT_TRUE(eventually([&] { return player_.control().epsilon == 0.75f; }));
+  EXPECT_TRUE(eventually([&] { return player_.control().schedule_env_frames == 2'400'000; }));
   weights[17] = std::byte{9};
   learner_.publish_weights(weights, 6);
   ASSERT_TRUE(eventually([&] { return player_.weights_version() == 6; }));

@@ -61,10 +61,10 @@ TEST(AddingASetting, IsOneRow) {
   std::string command =
       std::string(COMRAD_CXX) + " -std=c++20 -O0 -DSPDLOG_FMT_EXTERNAL -DCOMRAD_SOURCE_DIR='\"\"' -I'" +
       (scratch / "with").string() + "' -I'" + source + "' '" + main + "' -o '" + program + "'";
-  for (const char* file :
-       {"core/check.cc", "core/files.cc", "core/text.cc", "core/toml_text.cc", "settings/algorithms.cc",
-        "settings/drawn_batch.cc", "settings/encoder_layers.cc", "settings/layers.cc",
-        "settings/other_names.cc", "settings/resolve.cc", "settings/setting.cc"})
+  for (const char* file : {"core/check.cc", "core/files.cc", "core/text.cc", "core/toml_text.cc",
+                           "settings/algorithms.cc", "settings/drawn_batch.cc", "settings/encoder_layers.cc",
+                           "settings/layers.cc", "settings/other_names.cc", "settings/resolve.cc",
+                           "settings/reward_weights.cc", "settings/schedule.cc", "settings/setting.cc"})
     command += " '" + folder + file + "'";
   const Ending built = run(command);
   ASSERT_EQ(built.status, 0) << built.output;

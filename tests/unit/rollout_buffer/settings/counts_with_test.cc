@@ -108,7 +108,6 @@ TEST(Units, NamesThatCouldMeanTwoOfThemEndInTheirs) {
 TEST(Units, TheOldNamesStillSetTheNewOnes) {
   const std::pair<const char*, const char*> names[] = {
       {"train_for_env_steps", "train_for_env_frames"},
-      {"epsilon_decay_steps", "epsilon_decay_env_frames"},
       {"per_beta_frames", "per_beta_env_frames"},
       {"save_best_after", "save_best_after_env_frames"},
       {"learning_starts", "learning_starts_decisions"},

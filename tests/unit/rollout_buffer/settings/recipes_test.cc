@@ -196,5 +196,24 @@ TEST(ScenarioSettings, AreThoseOfOnePresetAndAlgorithmWithoutTheirNames) {
   EXPECT_EQ(chosen.values, (Values{{"rollout", "16"}, {"gamma", "0.9"}}));
 }
 
+TEST(ScenarioSettings, AGroupIsAllItsAlgorithmsAndAnAlgorithmsOwnRowWins) {
+  const SettingsLayer training{"scenario toy",
+                               {{"small.qmix.gamma", "0.9"},
+                                {"small.on_policy.rollout", "16"},
+                                {"small.mixers.gamma", "0.95"},
+                                {"small.q_learning.rollout", "8"},
+                                {"small.all.gamma", "0.999"}}};
+  const auto of = [&](const char* algorithm) {
+    RunConfig config;
+    EXPECT_TRUE(apply_layer(config, scenario_settings(training, Preset::kSmall, algorithm)));
+    return std::pair(config.optimisation.gamma, config.collection.rollout);
+  };
+  EXPECT_EQ(of("happo"), std::pair(0.999, int64_t{16}));
+  EXPECT_EQ(of("idqn"), std::pair(0.999, int64_t{8}));
+  EXPECT_EQ(of("vdn"), std::pair(0.95, int64_t{8}));
+  EXPECT_EQ(of("qmix"), std::pair(0.9, int64_t{8}));
+  EXPECT_TRUE(scenario_settings(training, Preset::kPaper, "qmix").values.empty());
+}
+
 }  // namespace recipes_test
 }  // namespace comrad

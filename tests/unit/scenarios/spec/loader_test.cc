@@ -115,7 +115,18 @@ TEST_F(ScenarioLoader, SettingsStandInATableOfTheirPresetAndAlgorithm) {
   EXPECT_THAT(spec->training.values, Contains(Pair("small.ippo.batch_size", "1024")));
 }
 
-TEST_F(ScenarioLoader, ASettingForEveryAlgorithmIsRefusedWithItsPlace) {
+TEST_F(ScenarioLoader, ATableMayNameAGroupOfAlgorithms) {
+  const auto spec = load(std::string(kGood) +
+                         "[training.small.q_learning]\nrollout = 16\n[training.small.all]\ngamma = 0.9\n");
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_THAT(spec->training.values, Contains(Pair("small.q_learning.rollout", "16")));
+  RunConfig config;
+  ASSERT_TRUE(apply_layer(config, scenario_settings(spec->training, Preset::kSmall, "vdn")));
+  EXPECT_EQ(config.collection.rollout, 16);
+  EXPECT_EQ(config.optimisation.gamma, 0.9);
+}
+
+TEST_F(ScenarioLoader, ASettingWithoutAnAlgorithmIsRefusedWithItsPlace) {
   const auto refusal = [this](const std::string& tables) {
     return message(load(std::string(kGood) + tables));
   };

@@ -112,6 +112,25 @@ TEST(Rewards, WeightsCanBeChangedAndTheCeilingOfAReturnIsUnknownThen) {
   EXPECT_FALSE(spec.maps_say_ceiling);
 }
 
+TEST(Rewards, WeightsFollowTheRunsEnvFrames) {
+  std::vector<RewardTerm> terms = {term("delta", 1.0), term("rise", 1.0)};
+  terms[0].weight = *Schedule::parse("0@0,3@2.4e6");
+  terms[1].weight = *Schedule::parse("1@0..2@1e6");
+  terms[1].per_agent = true;
+  RewardTracker tracker(terms, 2);
+  std::vector<double> reward(2);
+  const auto paid = [&](double env_frames) {
+    tracker.set_env_frames(env_frames);
+    tracker.reset(Doubles{0, 0, 0, 0});
+    tracker.step(Doubles{1, 10, 1, 1}, reward);
+    return reward;
+  };
+  EXPECT_EQ(paid(0), (Doubles{0.5, 0.5}));
+  EXPECT_EQ(paid(5e5), (Doubles{0.75, 0.75}));
+  EXPECT_EQ(paid(2'399'999), (Doubles{1, 1}));
+  EXPECT_EQ(paid(2.4e6), (Doubles{4, 31}));
+}
+
 TEST(Rewards, WithoutTermsTheRewardIsZero) {
   RewardTracker tracker({}, 2);
   std::vector<double> reward = {5, 5};

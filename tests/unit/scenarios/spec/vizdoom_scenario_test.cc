@@ -136,7 +136,8 @@ TEST_F(VizdoomScenario, KeysOfTheFileBecomeTermsAndLimits) {
   EXPECT_EQ(spec->score, "return");
   std::vector<std::string> terms, measured;
   for (const RewardTerm& term : spec->rewards)
-    terms.push_back(term.name + " " + term.variable + " " + term.kind + " " + std::to_string(term.weight));
+    terms.push_back(term.name + " " + term.variable + " " + term.kind + " " +
+                    std::to_string(term.weight.last()));
   EXPECT_THAT(
       terms,
       ElementsAre("map_reward MAP_REWARD delta 1.000000", "living_reward MAP_TICS delta -1.000000",

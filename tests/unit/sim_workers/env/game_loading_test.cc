@@ -66,7 +66,7 @@ TEST_F(GameLoading, TakesOtherWeightsForRewards) {
   const auto game = load({.reward = "own_death=-7,kit_taken=0"});
   ASSERT_TRUE(game) << game.error().message;
   std::map<std::string, double> weights;
-  for (const scenarios::RewardTerm& term : (*game)->spec.rewards) weights[term.name] = term.weight;
+  for (const scenarios::RewardTerm& term : (*game)->spec.rewards) weights[term.name] = term.weight.last();
   EXPECT_EQ(weights["own_death"], -7);
   EXPECT_EQ(weights["kit_taken"], 0);
   EXPECT_EQ(weights["health_gained"], 0.1);

@@ -1,6 +1,8 @@
 """What the package's tests share: the package itself, or the end of the test with 77 where it is not there."""
 
+import os
 import sys
+import tempfile
 
 try:
     import gymnasium  # noqa: F401
@@ -12,6 +14,9 @@ except ImportError as missing:
     print(f"[  SKIPPED ] 1 test, Python package: {missing}; ./comrad test builds it and installs what it needs "
           "(Debian: python3-dev; PyPI: deploy/requirements_test.txt)")
     sys.exit(77)
+
+_logs = tempfile.TemporaryDirectory()  # Stable-Baselines3 makes a folder for every model
+os.environ["SB3_LOGDIR"] = _logs.name
 
 
 def random_actions(env, rng):

@@ -427,6 +427,27 @@ TEST(SimWorker, LockStepPassesTheGateOncePerRollout) {
   EXPECT_EQ(host.policy.faults(), 0);
 }
 
+TEST(SimWorker, EveryTrajectoryBeginsWithTheEnvFramesOfTheRun) {
+  Host host(small_arena_shape(), toy(1, 20), /*lock_step=*/true);
+  const auto told = [&](uint64_t env_frames) {
+    return [&host, env_frames] {
+      for (const auto& worker : host.workers)
+        for (int env = 0; env < worker->environments.size(); ++env)
+          if (worker->environments.at(env).env_frames() != env_frames) return false;
+      return true;
+    };
+  };
+  host.arena.control().schedule_env_frames = 1000;
+  host.start(/*rollouts_allowed=*/1);
+  host.await([&] { return host.arena.sealed_count() == 8; }, "one slab of every environment");
+  host.arena.control().schedule_env_frames = 2000;
+  host.await_looks_in_vain();
+  EXPECT_TRUE(told(1000)()) << "it holds until the next one";
+  for (const uint32_t slab : host.arena.drain_slabs(100)) host.arena.release_slab(slab);
+  host.allow(2);
+  host.await(told(2000), "the second trajectory's");
+}
+
 TEST(SimWorker, LockStepGivesTheSameBatchesEveryTime) {
   const ToyOptions options = toy(1, 20);
   const auto play = [&options] {
