@@ -18,6 +18,7 @@
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/scenario_description.h"
 #include "deploy/sweep/local_backend.h"
+#include "deploy/sweep/search_program.h"
 #include "deploy/sweep/slurm_backend.h"
 #include "deploy/sweep/sweep_element.h"
 #include "deploy/sweep/sweep_estimate.h"
@@ -238,6 +239,7 @@ int element_command(Arguments arguments) {
                      "--cpus=" + cpus + ": must be numbers of cores, separated by commas"};
       begin = end + 1;
     }
+    options.takes_turns = !cpus.empty();  // the local backend, which shares its cores
     return run_element(folder, *run, options);
   });
 }
@@ -295,7 +297,13 @@ int start_command(Arguments arguments) {
     if (asks_for_a_report(plan.file.report)) {
       COMRAD_TRY(python_that_imports(kReportModules));
     }
+    if (file.search.has_trials()) {
+      COMRAD_TRY(search_python());
+    }
     if (dry_run) {
+      for (const SearchedSetting& searched : file.search.space)
+        std::printf("# %s searches %s: %s\n", word_of(file.search.method), searched.setting.c_str(),
+                    searched.words().c_str());
       for (const SweepRun& run : plan.runs) {
         std::vector<std::string> words = run.command("comrad", plan.folder);
         std::ranges::transform(words, words.begin(), shell_word);
@@ -316,6 +324,7 @@ int start_command(Arguments arguments) {
     COMRAD_TRY_ASSIGN(const Descriptor lock, SweepFolder::lock(plan.folder));
     COMRAD_TRY_ASSIGN(const SweepFolder folder,
                       SweepFolder::make(plan, text, facts_of_start(is_slurm ? "slurm" : "local")));
+    COMRAD_TRY(begin_search(folder));
     return is_slurm ? run_slurm(plan, folder, comrad) : run_local(plan, folder, comrad);
   });
 }

@@ -81,14 +81,27 @@ class LocalSweep {
     if (is_stopping_) return;
     for (std::size_t slot = 0; slot < slots_.size(); ++slot) {
       if (attempts_[slot].process) continue;
-      const auto next = std::ranges::find_if(
-          waiting_, [&](const SweepRun* run) { return !is_taken(folder_.run_dir(*run)); });
+      const auto next = next_run();
       if (next == waiting_.end()) return;  // those that are left are still held by others
       const SweepRun* run = *next;
       waiting_.erase(next);
       start(slot, *run);
     }
   }
+
+  /// The first that no other process has; of the members of a population the one with the fewest env frames.
+  std::deque<const SweepRun*>::iterator next_run() {
+    const auto rank = [&](const SweepRun* run) {
+      return is_population() ? folder_.look(*run, {}).env_frames : 0.0;
+    };
+    auto next = waiting_.end();
+    for (auto run = waiting_.begin(); run != waiting_.end(); ++run)
+      if (!is_taken(folder_.run_dir(**run)) && (next == waiting_.end() || rank(*run) < rank(*next)))
+        next = run;
+    return next;
+  }
+
+  bool is_population() const { return folder_.search().method == SearchMethod::kPbt; }
 
   void start(std::size_t slot, const SweepRun& run) {
     ChildOptions options;
@@ -141,6 +154,8 @@ class LocalSweep {
       if (view.state == RunState::kInterrupted && how->code != 0 && !one.last_lines.empty())
         words += " (" + one.last_lines.back() + ")";
       printer_.note(words);
+      if (view.state == RunState::kWaiting && how->code == 0 && is_population())
+        waiting_.push_back(one.run);  // its next generation
       one.process.reset();
     }
   }

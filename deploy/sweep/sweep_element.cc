@@ -8,6 +8,7 @@
 
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,7 @@
 
 #include "deploy/launch/signal_desk.h"
 #include "deploy/process/child_program.h"
+#include "deploy/sweep/search_program.h"
 #include "deploy/sweep/sweep_results.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
@@ -50,13 +52,22 @@ void pin_to(const std::vector<int>& cpus) {
 }
 
 /// Of status.json.
-std::pair<std::string, double> state_and_frames(const std::string& run_dir) {
+struct Standing {
+  std::string state;
+  double env_frames = 0;
+  double score = std::nan("");  ///< J
+};
+
+Standing standing_of(const std::string& run_dir) {
   const std::optional<std::string> text = read_file(run_dir + "/status.json");
   const auto json = nlohmann::json::parse(text.value_or(""), nullptr, false);
-  if (!json.is_object()) return {"", 0};
-  const auto state = json.find("state"), frames = json.find("env_frames");
-  return {state != json.end() && state->is_string() ? state->get<std::string>() : "",
-          frames != json.end() && frames->is_number() ? frames->get<double>() : 0.0};
+  Standing standing;
+  if (!json.is_object()) return standing;
+  const auto state = json.find("state"), frames = json.find("env_frames"), score = json.find("J_mean");
+  if (state != json.end() && state->is_string()) standing.state = state->get<std::string>();
+  if (frames != json.end() && frames->is_number()) standing.env_frames = frames->get<double>();
+  if (score != json.end() && score->is_number()) standing.score = score->get<double>();
+  return standing;
 }
 
 /// Queues this element again; it is ended by Slurm then. A controller that is busy is asked again.
@@ -132,89 +143,155 @@ RunRecord judge_attempt(RunRecord record, const ExitStatus& how, bool was_told,
   return record;
 }
 
-Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const ElementOptions& options) {
-  SignalDesk signals;
-  if (signals.descriptor() < 0) return system_error("signalfd");
-  const std::string element = slurm_element(), run_dir = folder.run_dir(run);
-  pin_to(options.cpus);
+namespace {
 
-  RunRecord record = folder.read_record(run).value_or(RunRecord{});
-  record.state = RunState::kRunning;
-  ++record.attempts;
-  record.host = host_name();
-  record.pid = getpid();
-  record.pid_start_tics = start_tics_of(record.pid).value_or(0);
-  record.job = element;
-  record.started_s = wall_s();
-  record.ended_s = 0;
-  record.exit_code = 0;
-  record.error.clear();
-  record.goal_env_frames = run.goal_env_frames;
-  record.env_frames_at_start = state_and_frames(run_dir).second;
-  COMRAD_TRY(folder.write_record(run, record));
+/// One attempt at work.
+class Element {
+ public:
+  Element(const SweepFolder& folder, const SweepRun& run, const ElementOptions& options)
+      : folder_(folder), run_(run), options_(options), run_dir_(folder.run_dir(run)), job_(slurm_element()) {}
 
-  const Descriptor log(open(folder.log_path(run).c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
-  const std::string heading = "== attempt " + std::to_string(record.attempts) + " on " + record.host +
-                              (element.empty() ? "" : ", job " + element) + " ==\n";
-  (void)!write(log.get(), heading.data(), heading.size());
-
-  std::vector<std::string> words = run.command(
-      options.train_program.empty() ? sibling_program("comrad") : options.train_program, folder.path());
-  ChildOptions child;
-  child.program = words[0];
-  child.arguments.assign(words.begin() + 1, words.end());
-  Expected<ChildProcess> train = ChildProcess::spawn(child);
-  if (!train) {
-    record.state = RunState::kFailed;
-    record.error = train.error().message;
-    record.ended_s = wall_s();
-    COMRAD_TRY(folder.write_record(run, record));
-    return kExitFailed;
+  Expected<int> run() {
+    if (signals_.descriptor() < 0) return system_error("signalfd");
+    COMRAD_TRY(begin());
+    if (const Status worked = work(); !worked) {
+      hear_signals();
+      record_.state = was_told_ ? RunState::kInterrupted : RunState::kFailed;
+      record_.error = was_told_ ? "" : worked.error().message;
+    }
+    return end();
   }
 
-  bool was_told = false, time_is_up = false;
-  std::vector<std::string> kept;
-  while (!train->poll_exit()) {
-    pollfd sources[2] = {{.fd = signals.descriptor(), .events = POLLIN, .revents = 0},
-                         {.fd = train->output_descriptor(), .events = POLLIN, .revents = 0}};
-    poll(sources, 2, kElementTickMs);
-    take_lines(*train, log.get(), kept);
-    for (int number; (number = signals.next()) != 0;) {
+ private:
+  Status begin() {
+    pin_to(options_.cpus);
+    record_ = folder_.read_record(run_).value_or(RunRecord{});
+    record_.state = RunState::kRunning;
+    ++record_.attempts;
+    record_.host = host_name();
+    record_.pid = getpid();
+    record_.pid_start_tics = start_tics_of(record_.pid).value_or(0);
+    record_.job = job_;
+    record_.started_s = wall_s();
+    record_.ended_s = 0;
+    record_.exit_code = 0;
+    record_.error.clear();
+    record_.goal_env_frames = run_.goal_env_frames;
+    COMRAD_TRY(folder_.write_record(run_, record_));
+    log_ = Descriptor(open(folder_.log_path(run_).c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+    const std::string heading = "== attempt " + std::to_string(record_.attempts) + " on " + record_.host +
+                                (job_.empty() ? "" : ", job " + job_) + " ==\n";
+    (void)!write(log_.get(), heading.data(), heading.size());
+    return {};
+  }
+
+  /// Step after step, until the run is finished or something ends it.
+  Status work() {
+    while (true) {
+      COMRAD_TRY_ASSIGN(const SearchStep step, begin_step(folder_, run_, record_));
+      record_.env_frames_at_start = standing_of(run_dir_).env_frames;
+      COMRAD_TRY(folder_.write_record(run_, record_));
+      hear_signals();
+      if (was_told_) {
+        record_.state = RunState::kInterrupted;
+        return {};
+      }
+      COMRAD_TRY(train(step));
+      if (record_.state != RunState::kFinished) return {};
+      const Standing standing = standing_of(run_dir_);
+      COMRAD_TRY_ASSIGN(const bool goes_on,
+                        end_step(folder_, run_, record_, standing.env_frames, standing.score));
+      if (!goes_on) return keep();
+      const bool is_turn_over = options_.takes_turns && folder_.search().method == SearchMethod::kPbt;
+      record_.state = is_turn_over ? RunState::kWaiting : RunState::kRunning;
+      if (is_turn_over) return {};
+    }
+  }
+
+  /// One `comrad train`. Errors: it cannot be started.
+  Status train(const SearchStep& step) {
+    std::vector<std::string> words = run_.command(program(), folder_.path(), step.settings);
+    ChildOptions child;
+    child.program = words[0];
+    child.arguments.assign(words.begin() + 1, words.end());
+    COMRAD_TRY_ASSIGN(ChildProcess train, ChildProcess::spawn(child));
+    std::vector<std::string> kept;
+    while (!train.poll_exit()) {
+      pollfd sources[2] = {{.fd = signals_.descriptor(), .events = POLLIN, .revents = 0},
+                           {.fd = train.output_descriptor(), .events = POLLIN, .revents = 0}};
+      poll(sources, 2, kElementTickMs);
+      take_lines(train, log_.get(), kept);
+      if (hear_signals()) train.send_signal(SIGTERM);
+    }
+    take_lines(train, log_.get(), kept);
+    const Standing standing = standing_of(run_dir_);
+    record_ = judge_attempt(record_, *train.poll_exit(), was_told_, standing.state, standing.env_frames,
+                            quoted_error(kept), !job_.empty());
+    return {};
+  }
+
+  /// What a finished run gave, where the sweep keeps that.
+  Status keep() {
+    record_.ended_s = wall_s();
+    if (folder_.results().folder.empty() || is_kept(folder_, run_)) return {};
+    if (const Status written = keep_result(folder_, run_, program()); !written)
+      return Error{written.error().code,
+                   "it finished, but its result could not be kept: " + written.error().message};
+    return {};
+  }
+
+  Expected<int> end() {
+    if (record_.state == RunState::kFailed)
+      if (const Status told = give_up(folder_, run_, record_); !told && record_.error != told.error().message)
+        record_.error += "; " + told.error().message;
+    record_.ended_s = wall_s();
+    const bool is_killed = record_.state == RunState::kInterrupted && record_.exit_code > 128 && !was_told_;
+    const bool is_queued_again =
+        !job_.empty() && record_.state == RunState::kInterrupted && (time_is_up_ || is_killed);
+    if (is_queued_again && record_.error.empty()) record_.error = "the time limit was near; queued again";
+    COMRAD_TRY(folder_.write_record(run_, record_));
+    if (is_queued_again) {
+      if (const Status queued = requeue(job_); !queued) {
+        record_.error += "; " + queued.error().message;
+        COMRAD_TRY(folder_.write_record(run_, record_));
+        return kExitFailed;
+      }
+      wait_for_the_end(signals_);
+    }
+    std::fprintf(stderr, "%s: %s%s%s\n", run_.name.c_str(), word_of(record_.state),
+                 record_.error.empty() ? "" : ": ", record_.error.c_str());
+    return record_.state == RunState::kFailed ? kExitFailed : kExitDone;
+  }
+
+  /// Whether one came that asks the run to stop.
+  bool hear_signals() {
+    bool came = false;
+    for (int number; (number = signals_.next()) != 0;) {
       if (number == SIGCHLD) continue;
-      time_is_up |= number == SIGUSR1;
-      was_told = true;
-      train->send_signal(SIGTERM);
+      time_is_up_ |= number == SIGUSR1;
+      came = was_told_ = true;
     }
+    return came;
   }
-  take_lines(*train, log.get(), kept);
 
-  const auto [state, frames] = state_and_frames(run_dir);
-  record = judge_attempt(record, *train->poll_exit(), was_told, state, frames, quoted_error(kept),
-                         !element.empty());
-  record.ended_s = wall_s();
-  if (record.state == RunState::kFinished && !folder.results().folder.empty() && !is_kept(folder, run)) {
-    if (const Status written = keep_result(folder, run, words[0]); !written) {
-      record.state = RunState::kFailed;
-      record.error = "it finished, but its result could not be kept: " + written.error().message;
-    }
-    record.ended_s = wall_s();
+  std::string program() const {
+    return options_.train_program.empty() ? sibling_program("comrad") : options_.train_program;
   }
-  const bool is_killed = record.state == RunState::kInterrupted && record.exit_code > 128 && !was_told;
-  const bool goes_on =
-      !element.empty() && record.state == RunState::kInterrupted && (time_is_up || is_killed);
-  if (goes_on && record.error.empty()) record.error = "the time limit was near; queued again";
-  COMRAD_TRY(folder.write_record(run, record));
-  if (goes_on) {
-    if (const Status queued = requeue(element); !queued) {
-      record.error += "; " + queued.error().message;
-      COMRAD_TRY(folder.write_record(run, record));
-      return kExitFailed;
-    }
-    wait_for_the_end(signals);
-  }
-  std::fprintf(stderr, "%s: %s%s%s\n", run.name.c_str(), word_of(record.state),
-               record.error.empty() ? "" : ": ", record.error.c_str());
-  return record.state == RunState::kFailed ? kExitFailed : kExitDone;
+
+  const SweepFolder& folder_;
+  const SweepRun& run_;
+  const ElementOptions& options_;
+  SignalDesk signals_;
+  const std::string run_dir_, job_;
+  RunRecord record_;
+  Descriptor log_;
+  bool was_told_ = false, time_is_up_ = false;
+};
+
+}  // namespace
+
+Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const ElementOptions& options) {
+  return Element(folder, run, options).run();
 }
 
 }  // namespace comrad::deploy

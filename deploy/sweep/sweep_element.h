@@ -12,11 +12,13 @@
 namespace comrad::deploy {
 
 struct ElementOptions {
-  std::vector<int> cpus;      ///< the attempt is pinned to these; none: anywhere
+  std::vector<int> cpus;  ///< the attempt is pinned to these; none: anywhere
+  bool takes_turns =
+      false;  ///< a member of a population ends after one generation; else it goes on to its goal
   std::string train_program;  ///< empty: `comrad` beside this program
 };
 
-/// Makes the attempt. SIGTERM and SIGINT are passed on: the run saves and may go on later. SIGUSR1, which Slurm sends
+/// Makes the attempt, of a search's run step after step (search_program.h). SIGTERM and SIGINT are passed on: the run saves and may go on later. SIGUSR1, which Slurm sends
 /// before the time limit, does the same and then asks Slurm to queue this element again; so does a run that was killed
 /// after it had got further than where it began. The exit code: 0 finished or stopped, 1 failed.
 /// Errors: kSystem, kNoSpace (the record).

@@ -15,9 +15,15 @@ namespace {
 
 constexpr std::size_t kFileBytesMax = 1 << 20;
 constexpr std::size_t kNameBytesMax = 100;
+constexpr int64_t kSearchRunsMax = 10'000;
+constexpr double kFramesMax = 1e15;
 
 /// What the sweep itself gives every run.
 constexpr const char* kOwnSettings[] = {"experiment", "train_dir", "restart_behavior"};
+
+/// What makes a search another one, so that scores would not compare.
+constexpr const char* kNeverSearched[] = {
+    "scenario", "variant", "algo", "preset", "seed", "train_for_env_frames", "train_for_seconds"};
 
 Error refuse(const SweepFile& file, int line, const std::string& message) {
   return {ErrorCode::kBadInput, file.at(line) + message};
@@ -56,6 +62,32 @@ class Keys {
     value = *number;
     return {};
   }
+  Status between(const std::string& key, double low, double high, double& value) {
+    const toml::node* node = take(key);
+    if (node == nullptr) return {};
+    const std::optional<double> number = node->value<double>();
+    if (!node->is_number() || !(*number >= low) || *number > high)
+      return wrong(key, *node, "a number between " + real_text(low) + " and " + real_text(high));
+    value = *number;
+    return {};
+  }
+  Status factors(const std::string& key, std::vector<double>& values) {
+    constexpr double kFactorMax = 100;
+    constexpr std::size_t kFactorsMax = 16;
+    const toml::node* node = take(key);
+    if (node == nullptr) return {};
+    const toml::array* list = node->as_array();
+    values.clear();
+    for (std::size_t i = 0; list != nullptr && i < list->size() && i <= kFactorsMax; ++i)
+      if (const toml::node& one = (*list)[i];
+          one.is_number() && *one.value<double>() > 0 && *one.value<double>() <= kFactorMax)
+        values.push_back(*one.value<double>());
+    if (list == nullptr || values.empty() || values.size() > kFactorsMax || values.size() != list->size())
+      return wrong(key, *node, "a list of 1 to 16 factors above 0, at most 100");
+    return {};
+  }
+  /// Any value, which the caller reads; null where it is not there.
+  const toml::node* node(const std::string& key) { return take(key); }
   Status truth(const std::string& key, bool& value) {
     const toml::node* node = take(key);
     if (node == nullptr) return {};
@@ -272,6 +304,121 @@ Status read_slurm(SweepFile& file, const toml::table& table) {
   return keys.no_others();
 }
 
+/// `setting = {low = 1, high = 9, step = 2, log = true}`.
+Status read_range(const SweepFile& file, const SettingRow& row, const toml::table& table,
+                  SearchedSetting& searched) {
+  const auto refuse_it = [&](const std::string& words) {
+    return refuse(file, searched.line, searched.setting + words);
+  };
+  if (row.kind != SettingKind::kInt && row.kind != SettingKind::kReal && row.kind != SettingKind::kSchedule)
+    return refuse_it(" is no number; give it a list of values");
+  searched.is_whole = row.kind == SettingKind::kInt;
+  Keys keys(file, table, "search.space." + searched.setting);
+  const toml::node* ends[] = {keys.node("low"), keys.node("high")};
+  COMRAD_TRY(keys.positive("step", kFramesMax, searched.step));
+  COMRAD_TRY(keys.truth("log", searched.is_log));
+  COMRAD_TRY(keys.no_others());
+  for (const toml::node* end : ends) {
+    if (end == nullptr || !end->is_number()) return refuse_it(" needs two numbers: {low = ..., high = ...}");
+    COMRAD_TRY(value_of(file, row, *end));
+    // A value that stands beside the limits (0 for "none") is no end of a range.
+    if (const double value = *end->value<double>(); value < row.limits.low || value > row.limits.high)
+      return refuse_it(" must lie " + row.limits.words() + ", at both ends of its range");
+  }
+  searched.low = *ends[0]->value<double>(), searched.high = *ends[1]->value<double>();
+  if (!(searched.low < searched.high)) return refuse_it(": low must be below high");
+  if (searched.is_log && !(searched.low > 0)) return refuse_it(": with log, low must be above 0");
+  if (searched.is_log && searched.step > 0) return refuse_it(" has both log and step; leave one out");
+  if (searched.is_whole && searched.step != std::round(searched.step))
+    return refuse_it(" is a whole number, and so must its step be");
+  const double steps = (searched.high - searched.low) / std::max(searched.step, 1e-300);
+  if (searched.step > 0 && std::abs(steps - std::round(steps)) > 1e-6)
+    return refuse_it(": high must be low and a whole number of steps");
+  return {};
+}
+
+Status read_space(SweepFile& file, const toml::table& table) {
+  for (const auto& [key, node] : in_order(table)) {
+    COMRAD_TRY_ASSIGN(const SettingRow* row, setting_of(file, *key));
+    SearchedSetting searched;
+    searched.setting = row->name;
+    searched.line = static_cast<int>(key->source().begin.line);
+    COMRAD_TRY(note_line(file, searched.setting, searched.line));
+    const auto refuse_it = [&](const std::string& words) {
+      return refuse(file, searched.line, searched.setting + words);
+    };
+    if (std::ranges::find(kNeverSearched, row->name) != std::end(kNeverSearched))
+      return refuse_it(
+          " is not searched: scores would not compare; list its values in [axes], or put it in [settings]");
+    if (file.search.method == SearchMethod::kPbt &&
+        (row->traits.fixed_in_a_run || row->traits.sizes_the_arena))
+      return refuse_it(
+          " cannot change in a run, and a member of a population changes; search it with random, tpe or "
+          "halving");
+    if (const toml::table* range = node->as_table()) {
+      COMRAD_TRY(read_range(file, *row, *range, searched));
+    } else if (node->is_array()) {
+      COMRAD_TRY_ASSIGN(SweepAxis axis, axis_of(file, *key, *node, /*takes_one=*/false));
+      searched.choices = std::move(axis.values);
+      if (searched.choices.size() < 2) return refuse_it(" has one value; put it in [settings]");
+    } else {
+      return refuse_it(" must be a range, {low = 1e-5, high = 1e-3, log = true}, or a list of values");
+    }
+    file.search.space.push_back(std::move(searched));
+  }
+  return {};
+}
+
+Status read_search(SweepFile& file, const toml::table& table) {
+  SweepSearch& search = file.search;
+  search.line = static_cast<int>(table.source().begin.line);
+  Keys keys(file, table, "search");
+  std::string method;
+  COMRAD_TRY(keys.text("method", method));
+  const auto word = std::ranges::find(search_methods(), method);
+  if (word == search_methods().end())
+    return refuse(file, search.line, unknown_word("method of [search]", method, search_methods()));
+  search.method = static_cast<SearchMethod>(word - search_methods().begin() + 1);
+  const bool is_pbt = search.method == SearchMethod::kPbt;
+  COMRAD_TRY(keys.whole(is_pbt ? "members" : "trials", is_pbt ? 2 : 1, kSearchRunsMax, search.runs));
+  COMRAD_TRY(keys.whole("seed", 0, std::numeric_limits<int32_t>::max(), search.seed));
+  if (search.method == SearchMethod::kHalving) {
+    COMRAD_TRY(keys.positive("first_env_frames", kFramesMax, search.first_env_frames));
+    COMRAD_TRY(keys.whole("reduction", 2, 1000, search.reduction));
+  }
+  if (is_pbt) {
+    COMRAD_TRY(keys.positive("every_env_frames", kFramesMax, search.every_env_frames));
+    COMRAD_TRY(keys.positive("quantile", 0.5, search.quantile));
+    COMRAD_TRY(keys.factors("perturb", search.perturb));
+    COMRAD_TRY(keys.between("resample_probability", 0, 1, search.resample_probability));
+  }
+  Status status;
+  const toml::table* space = keys.table("space", status);
+  COMRAD_TRY(keys.no_others());
+  COMRAD_TRY(status);
+  if (search.runs == 0)
+    return refuse(file, search.line,
+                  std::string("[search] says no number of runs; add a line: ") +
+                      (is_pbt ? "members = 8" : "trials = 20"));
+  if (search.method == SearchMethod::kHalving && search.first_env_frames < 1)
+    return refuse(file, search.line,
+                  "[search] needs first_env_frames, at least 1: when trials are compared first");
+  if (is_pbt && search.every_env_frames < 1)
+    return refuse(file, search.line,
+                  "[search] needs every_env_frames, at least 1: the length of a generation");
+  if (space == nullptr || space->empty())
+    return refuse(file, search.line,
+                  "nothing to search; add a table [search.space], for example learning_rate = {low = 1e-5, "
+                  "high = 1e-3, "
+                  "log = true}");
+  if (!file.results.folder.empty())
+    return refuse(file, search.line,
+                  "[results] cannot be had with [search]; evaluate the best run with comrad eval, or put its "
+                  "settings into a "
+                  "sweep of their own");
+  return read_space(file, *space);
+}
+
 /// The line of a key at the top of the document; 1 where it is not there.
 int line_of(const toml::table& document, std::string_view key) {
   const toml::node* node = document.get(key);
@@ -306,6 +453,7 @@ Status read_document(SweepFile& file, const toml::table& document) {
   const toml::array* exclusions = keys.tables("exclude", status);
   const toml::table* resources = keys.table("resources", status);
   const toml::table* results = keys.table("results", status);
+  const toml::table* search = keys.table("search", status);
   const toml::table* local = keys.table("local", status);
   const toml::table* slurm = keys.table("slurm", status);
   COMRAD_TRY(keys.no_others());
@@ -316,15 +464,16 @@ Status read_document(SweepFile& file, const toml::table& document) {
   if (backend != "local" && backend != "slurm")
     return refuse(file, line_of(document, "backend"), unknown_word("backend", backend, {"local", "slurm"}));
   file.backend = backend == "slurm" ? SweepBackend::kSlurm : SweepBackend::kLocal;
-  if (axes == nullptr || axes->empty())
+  if ((axes == nullptr || axes->empty()) && search == nullptr)
     return refuse(file, line_of(document, "axes"),
                   "nothing to sweep; add a table [axes] with lists, for example seed = [42, 68, 81]");
-  COMRAD_TRY(read_axes(file, *axes));
+  if (axes != nullptr) COMRAD_TRY(read_axes(file, *axes));
   if (settings != nullptr) COMRAD_TRY(read_settings(file, *settings));
   if (exclusions != nullptr)
     for (const toml::node& one : *exclusions) COMRAD_TRY(read_exclusion(file, *one.as_table()));
   if (resources != nullptr) COMRAD_TRY(read_resources(file, *resources));
   if (results != nullptr) COMRAD_TRY(read_results(file, *results));
+  if (search != nullptr) COMRAD_TRY(read_search(file, *search));
   if (local != nullptr) {
     Keys local_keys(file, *local, "local");
     COMRAD_TRY(local_keys.whole("at_once", 1, 4096, file.local_at_once));

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "deploy/sweep/search_space.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/settings_layer.h"
 
@@ -60,12 +61,13 @@ struct SweepFile {
   std::string train_dir = "train_dir";  ///< the sweep's folder is <train_dir>/<name>
   SweepBackend backend = SweepBackend::kLocal;
   std::string report;  ///< shell command to run when all runs have ended, in the sweep's folder; empty: none
-  std::vector<SweepAxis> axes;
+  std::vector<SweepAxis> axes;       ///< none: a search alone
   SettingsLayer settings;            ///< what all runs share
   std::map<std::string, int> lines;  ///< of every setting that the file names
   std::vector<SweepExclusion> exclusions;
   SweepResources resources;
   SweepResults results;
+  SweepSearch search;
   int64_t local_at_once = 1;
   SlurmOptions slurm;
 

@@ -53,13 +53,15 @@ std::optional<ordered_json> read_object(const std::string& path) {
   return object;
 }
 
-ordered_json to_json(const SweepRun& run) {
-  ordered_json settings = ordered_json::object();
-  for (const auto& [setting, value] : run.settings.values) settings[setting] = value;
-  return {{"name", run.name}, {"train_for_env_frames", run.goal_env_frames}, {"settings", settings}};
+ordered_json run_json(const SweepRun& run) {
+  ordered_json json = {{"name", run.name},
+                       {"train_for_env_frames", run.goal_env_frames},
+                       {"settings", to_json(run.settings.values)}};
+  if (!run.study.empty()) json["study"] = run.study, json["number"] = run.number;
+  return json;
 }
 
-ordered_json to_json(const SweepResults& results) {
+ordered_json results_json(const SweepResults& results) {
   if (results.folder.empty()) return nullptr;
   return {{"folder", results.folder},
           {"episodes", results.episodes},
@@ -83,14 +85,13 @@ std::optional<SweepRun> run_from(const ordered_json& json) {
   SweepRun run;
   run.name = value_or<std::string>(json, "name", "");
   run.goal_env_frames = value_or<double>(json, "train_for_env_frames", 0);
-  const auto settings = json.find("settings");
-  if (run.name.empty() || run.name.find('/') != std::string::npos || settings == json.end() ||
-      !settings->is_object())
+  run.study = value_or<std::string>(json, "study", "");
+  run.number = value_or<int64_t>(json, "number", 0);
+  Expected<SettingValues> settings = setting_values_from_json(json.value("settings", ordered_json()));
+  if (run.name.empty() || run.name.find('/') != std::string::npos ||
+      run.study.find('/') != std::string::npos || !settings)
     return std::nullopt;
-  for (const auto& [setting, value] : settings->items()) {
-    if (!value.is_string()) return std::nullopt;
-    run.settings.values.emplace_back(setting, value.get<std::string>());
-  }
+  run.settings.values = *std::move(settings);
   return run;
 }
 
@@ -107,6 +108,27 @@ Status check_nothing_forgotten(const SweepPlan& plan, const std::vector<SweepRun
                                                " = " + value +
                                                ", which the file no longer says; put it back, or give the "
                                                "sweep another name"};
+  }
+  return {};
+}
+
+/// What a search has chosen holds for what it searched and how long runs are: only its runs may become more.
+Status check_same_search(const SweepPlan& plan, const SweepFolder& before) {
+  const auto words_of = [](SweepSearch search) {
+    search.runs = 0;
+    return to_json(search).dump();
+  };
+  for (const SweepRun& old : before.runs()) {
+    if (!before.read_record(old)) continue;
+    const auto run = std::ranges::find(plan.runs, old.name, &SweepRun::name);
+    const bool has_same_goal = run == plan.runs.end() || run->goal_env_frames == old.goal_env_frames;
+    if (words_of(plan.file.search) != words_of(before.search()) ||
+        (plan.file.search.has_trials() && !has_same_goal))
+      return Error{ErrorCode::kBadInput,
+                   plan.file.at(std::max(plan.file.search.line, 1)) +
+                       "[search] has begun, and what it searches, how, and the length of its trials may not "
+                       "change; only its "
+                       "runs may become more. Put it back, or give the sweep another name"};
   }
   return {};
 }
@@ -213,6 +235,7 @@ SweepFolder SweepFolder::planned(const SweepPlan& plan) {
   folder.name_ = plan.file.name;
   folder.runs_ = plan.runs;
   folder.results_ = plan.file.results;
+  folder.search_ = plan.file.search;
   return folder;
 }
 
@@ -230,6 +253,7 @@ Expected<SweepFolder> SweepFolder::make(const SweepPlan& plan, const std::string
   if (before) {
     COMRAD_TRY_ASSIGN(const SweepFolder old, open(plan.folder));
     COMRAD_TRY(check_nothing_forgotten(plan, old.runs()));
+    COMRAD_TRY(check_same_search(plan, old));
     if (before->contains("starts") && (*before)["starts"].is_array()) starts = (*before)["starts"];
   }
   fs::create_directories(plan.folder + "/records", failed);
@@ -249,9 +273,10 @@ Expected<SweepFolder> SweepFolder::make(const SweepPlan& plan, const std::string
                         {"memory_gb_per_run", plan.file.resources.memory_gb},
                         {"gpus_per_run", plan.file.resources.gpus},
                         {"starts", starts},
-                        {"results", to_json(folder.results_)},
+                        {"results", results_json(folder.results_)},
+                        {"search", to_json(folder.search_)},
                         {"runs", ordered_json::array()}};
-  for (const SweepRun& run : plan.runs) index["runs"].push_back(to_json(run));
+  for (const SweepRun& run : plan.runs) index["runs"].push_back(run_json(run));
   COMRAD_TRY(write_file_atomically(plan.folder + "/sweep.toml", file_text, /*durable=*/true));
   COMRAD_TRY(write_file_atomically(index_path, dumped(index), /*durable=*/true));
   return folder;
@@ -274,6 +299,9 @@ Expected<SweepFolder> SweepFolder::open(const std::string& path) {
   folder.name_ = value_or<std::string>(*index, "name", fs::path(folder.path_).filename().string());
   if (const auto results = index->find("results"); results != index->end())
     folder.results_ = results_from(*results);
+  Expected<SweepSearch> search = search_from_json(index->value("search", ordered_json()));
+  if (!search) return damaged();
+  folder.search_ = *std::move(search);
   for (const ordered_json& one : (*index)["runs"]) {
     std::optional<SweepRun> run = run_from(one);
     if (!run) return damaged();
@@ -306,28 +334,41 @@ std::optional<RunRecord> SweepFolder::read_record(const SweepRun& run) const {
   record.error = value_or<std::string>(*json, "error", "");
   record.goal_env_frames = value_or<double>(*json, "train_for_env_frames", 0);
   record.env_frames_at_start = value_or<double>(*json, "env_frames_at_start", 0);
+  record.trial = value_or<int64_t>(*json, "trial", -1);
+  record.steps = value_or<int64_t>(*json, "steps", 0);
+  record.pruned_at_env_frames = value_or<double>(*json, "pruned_at_env_frames", 0);
+  if (Expected<SettingValues> searched = setting_values_from_json(json->value("searched", ordered_json()))) {
+    record.settings = *std::move(searched);
+  }
   return record;
 }
 
 Status SweepFolder::write_record(const SweepRun& run, const RunRecord& record) const {
-  const ordered_json json = {{"state", word_of(record.state)},
-                             {"attempts", record.attempts},
-                             {"host", record.host},
-                             {"pid", record.pid},
-                             {"pid_start_tics", record.pid_start_tics},
-                             {"job", record.job},
-                             {"started_s", record.started_s},
-                             {"ended_s", record.ended_s},
-                             {"exit_code", record.exit_code},
-                             {"error", record.error},
-                             {"train_for_env_frames", record.goal_env_frames},
-                             {"env_frames_at_start", record.env_frames_at_start}};
+  ordered_json json = {{"state", word_of(record.state)},
+                       {"attempts", record.attempts},
+                       {"host", record.host},
+                       {"pid", record.pid},
+                       {"pid_start_tics", record.pid_start_tics},
+                       {"job", record.job},
+                       {"started_s", record.started_s},
+                       {"ended_s", record.ended_s},
+                       {"exit_code", record.exit_code},
+                       {"error", record.error},
+                       {"train_for_env_frames", record.goal_env_frames},
+                       {"env_frames_at_start", record.env_frames_at_start}};
+  if (search_.is_on()) {
+    json["trial"] = record.trial;
+    json["steps"] = record.steps;
+    json["searched"] = to_json(record.settings);
+    json["pruned_at_env_frames"] = record.pruned_at_env_frames;
+  }
   return write_file_atomically(record_path(run), dumped(json), /*durable=*/true);
 }
 
 RunView SweepFolder::look(const SweepRun& run, const QueuedElements& queued) const {
   RunView view;
   view.name = run.name;
+  view.study = run.study;
   view.goal_env_frames = run.goal_env_frames;
   const std::optional<RunRecord> record = read_record(run);
   if (record) view.record = *record;
@@ -337,9 +378,9 @@ RunView SweepFolder::look(const SweepRun& run, const QueuedElements& queued) con
     view.env_frames = value_or<double>(*status, "env_frames", 0);
     view.env_frames_per_s = value_or<double>(*status, "env_frames_per_s", 0);
     view.score_mean = value_or<double>(*status, "J_mean", std::nan(""));
-    // Somebody may have brought it there by hand.
-    is_at_goal |=
-        value_or<std::string>(*status, "state", "") == "finished" && view.env_frames >= run.goal_env_frames;
+    // Somebody may have brought it there by hand. A search counts what its elements have told.
+    is_at_goal |= run.study.empty() && value_or<std::string>(*status, "state", "") == "finished" &&
+                  view.env_frames >= run.goal_env_frames;
   }
   const bool is_running =
       record && record->state == RunState::kRunning &&

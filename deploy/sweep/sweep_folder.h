@@ -6,6 +6,7 @@
 //                            commit, host
 //     records/<run>.json     how the run's attempts went; written by who makes the attempt, and by nobody else
 //     records/<run>.log      what `comrad train` printed in all of them
+//     search/                with [search]: the studies of Optuna (search.py), or what members of populations did (population.h)
 //     <run>/                 an ordinary run directory
 //
 // What a finished run gave is kept elsewhere too where the file asks for it (sweep_results.h): such a run counts as finished
@@ -55,11 +56,17 @@ struct RunRecord {
   std::string error;           ///< why it failed or was interrupted, one line
   double goal_env_frames = 0;  ///< of this attempt
   double env_frames_at_start = 0;
+  // Of a search.
+  int64_t trial = -1;               ///< its number in the study
+  int64_t steps = 0;                ///< that are over
+  SettingValues settings;           ///< that were searched; of a member, in its present generation
+  double pruned_at_env_frames = 0;  ///< finished there, because others were better; 0: it was not
 };
 
 /// A run as `comrad sweep status` shows it.
 struct RunView {
   std::string name;
+  std::string study;  ///< that it belongs to; empty: none
   RunRecord record;
   RunState state = RunState::kWaiting;
   double env_frames = 0, goal_env_frames = 0;
@@ -106,6 +113,7 @@ class SweepFolder {
   const std::string& name() const { return name_; }
   const std::vector<SweepRun>& runs() const { return runs_; }
   const SweepResults& results() const { return results_; }  ///< its folder is absolute
+  const SweepSearch& search() const { return search_; }
   const SweepRun* find(const std::string& run) const;
   std::string run_dir(const SweepRun& run) const { return path_ + "/" + run.name; }
   std::string record_path(const SweepRun& run) const { return path_ + "/records/" + run.name + ".json"; }
@@ -128,6 +136,7 @@ class SweepFolder {
   std::string path_, name_;
   std::vector<SweepRun> runs_;
   SweepResults results_;
+  SweepSearch search_;
 };
 
 /// When the process started, in tics of the system's clock since boot; nothing where there is no such process.

@@ -1,7 +1,9 @@
 #include "deploy/sweep/sweep_plan.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <set>
 #include <tuple>
@@ -38,9 +40,14 @@ class DescribeOnce {
 
 bool is_word(char c) { return (lower_case(c) >= 'a' && lower_case(c) <= 'z') || c == '_'; }
 
+/// Of the first axis, or of [search] where there is none.
+int first_line(const SweepFile& file) {
+  return file.axes.empty() ? file.search.line : file.axes.front().line;
+}
+
 /// The line of the setting that `message` speaks of first; that of the first axis where it names none.
 int line_of(const SweepFile& file, const std::string& message) {
-  int line = file.axes.front().line;
+  int line = first_line(file);
   std::size_t first = std::string::npos;
   for (const auto& [setting, at] : file.lines)
     for (std::size_t place = message.find(setting); place != std::string::npos;
@@ -86,24 +93,101 @@ Status check_scenarios(const SweepFile& file, DescribeOnce& describe) {
   return {};
 }
 
-/// The settings of one run, complete. Errors: those of merging, and of the files that the settings name.
+/// What a search in steps cannot do. Errors: kBadInput.
+Status check_steps(const SweepSearch& search, const RunConfig& config) {
+  const std::string method = word_of(search.method);
+  const double step = search.end_of_step(0, std::numeric_limits<double>::infinity());
+  if (search.is_stepwise() && step >= config.run.train_for_env_frames)
+    return Error{ErrorCode::kBadInput, "train_for_env_frames is " +
+                                           real_text(config.run.train_for_env_frames) + ", but " + method +
+                                           " decides first at " + real_text(step) + "; raise it"};
+  if (search.is_stepwise() && config.optimisation.lr_schedule == RateSchedule::kLinearDecay)
+    return Error{ErrorCode::kBadInput,
+                 "lr_schedule is linear_decay, which would reach 0 at the end of each step of " + method +
+                     "; use constant or a kl_adaptive one"};
+  const bool moves_rate =
+      std::ranges::find(search.space, "learning_rate", &SearchedSetting::setting) != search.space.end();
+  if (search.method == SearchMethod::kPbt && moves_rate &&
+      config.optimisation.lr_schedule != RateSchedule::kConstant)
+    return Error{ErrorCode::kBadInput,
+                 "learning_rate is searched, but with a kl_adaptive lr_schedule a member goes on at the rate "
+                 "of its checkpoint; "
+                 "set lr_schedule = \"constant\""};
+  if (search.method == SearchMethod::kPbt && config.collection.deterministic)
+    return Error{ErrorCode::kBadInput,
+                 "deterministic cannot be had with pbt: a member goes on from another one's checkpoint"};
+  return {};
+}
+
+/// The settings of one run, complete, with `more` behind its axes. `config`: what they make. Errors: those of merging, and of
+/// the files that the settings name.
 Expected<SweepRun> make_run(const SweepFile& file, const std::vector<std::string>& values,
-                            const Describe& describe, int64_t cores) {
+                            const Describe& describe, int64_t cores, RunConfig& config,
+                            const SettingValues& more = {}) {
   SweepRun run;
   run.name = sweep_run_name(file.axes, values);
   run.settings = file.settings;
   for (std::size_t i = 0; i < file.axes.size(); ++i)
     run.settings.values.emplace_back(file.axes[i].setting, values[i]);
+  run.settings.values = with_settings(std::move(run.settings.values), more);
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_new({"", run.settings}, describe, static_cast<int>(cores)));
-  const RunConfig& config = merged.config;
+  config = merged.config;
+  COMRAD_TRY(check_steps(file.search, config));
   // What follows from the cores and the memory of one run, not from the host that happens to make it.
   for (const char* size : {"num_workers", "learner_threads"})
     if (merged.from.at(size) == "automatic")
       run.settings.values.emplace_back(size, setting_text(config, size));
+  if (file.search.is_stepwise() && config.run.algo->learns_q_values() &&
+      merged.from.at("per_beta_env_frames") == "automatic")  // of the whole run, not of its first step
+    run.settings.values.emplace_back("per_beta_env_frames", setting_text(config, "per_beta_env_frames"));
   if (config.run.algo->learns_q_values() && config.replay.replay_gb == 0)
     run.settings.values.emplace_back("replay_gb", real_text(file.resources.memory_gb / 2));
   run.goal_env_frames = config.run.train_for_env_frames;
   return run;
+}
+
+/// The trials or members of a search with the settings of `base`.
+std::vector<SweepRun> runs_of_search(const SweepFile& file, const SweepRun& base, int64_t seed) {
+  const SweepSearch& search = file.search;
+  std::vector<SweepRun> runs;
+  for (int64_t number = 1; number <= search.runs; ++number) {
+    SweepRun& run = runs.emplace_back(base);
+    run.study = base.name.empty() ? file.name : base.name;
+    run.number = number;
+    char word[32];
+    std::snprintf(word, sizeof word, search.has_trials() ? "trial_%03lld" : "member_%lld",
+                  static_cast<long long>(number));
+    run.name += (base.name.empty() ? "" : "_") + std::string(word);
+    if (!search.has_trials())  // members begin with different weights
+      run.settings.values = with_settings(run.settings.values, {{"seed", std::to_string(seed + number - 1)}});
+  }
+  return runs;
+}
+
+/// Adds to `extremes` the runs that have one searched setting at an end. Errors: those of make_run; kBadInput for a setting
+/// that has no effect in any of them.
+Status add_extremes(const SweepFile& file, const std::vector<std::string>& values, const Describe& describe,
+                    int64_t cores, std::vector<SweepRun>& extremes) {
+  std::vector<RunConfig> configs;
+  for (const SearchedSetting& searched : file.search.space)
+    for (const std::string& value : searched.extremes()) {
+      Expected<SweepRun> run =
+          make_run(file, values, describe, cores, configs.emplace_back(), {{searched.setting, value}});
+      const std::string words = searched.setting + "=" + value;
+      if (!run) return Error{run.error().code, "with " + words + ": " + run.error().message};
+      run->name += (run->name.empty() ? "" : " ") + ("with " + words);
+      if (file.search.is_stepwise())
+        run->settings.values = with_settings(
+            run->settings.values,
+            {{"train_for_env_frames", real_text(file.search.end_of_step(0, run->goal_env_frames))}});
+      extremes.push_back(*std::move(run));
+    }
+  for (const SearchedSetting& searched : file.search.space)
+    if (const SettingRow* row = find_setting(searched.setting);
+        std::ranges::none_of(configs, [&](const RunConfig& config) { return row->counts(config); }))
+      return Error{ErrorCode::kBadInput,
+                   searched.setting + " has no effect with these settings; take it out of the search"};
+  return {};
 }
 
 /// What tensors depend on, as text: equal for networks of one size.
@@ -127,7 +211,9 @@ Status check_starts(const SweepPlan& plan, const Describe& describe,
     if (known == sizes.end()) known = sizes.emplace(key, describe_network(config, env)).first;
     return known->second;
   };
-  for (const SweepRun& run : plan.runs) {
+  std::vector<SweepRun> runs = plan.runs;
+  runs.insert(runs.end(), plan.extremes.begin(), plan.extremes.end());
+  for (const SweepRun& run : runs) {
     const std::string run_dir = plan.folder + "/" + run.name;
     const bool is_begun = find_checkpoint(run_dir, CheckpointKind::kLatest).has_value();
     COMRAD_TRY_ASSIGN(const MergedSettings merged,
@@ -162,9 +248,11 @@ Status check_existing_runs(const SweepPlan& plan, const Describe& describe) {
   return {};
 }
 
-std::vector<std::string> SweepRun::command(const std::string& comrad, const std::string& folder) const {
+std::vector<std::string> SweepRun::command(const std::string& comrad, const std::string& folder,
+                                           const SettingValues& over) const {
   std::vector<std::string> words = {comrad, "train", "--train_dir", folder, "--experiment", name};
-  for (const auto& [setting, value] : settings.values) words.push_back("--" + setting + "=" + value);
+  for (const auto& [setting, value] : with_settings(settings.values, over))
+    words.push_back("--" + setting + "=" + value);
   return words;
 }
 
@@ -197,8 +285,9 @@ Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, 
   if (plan.cores == 0) plan.cores = std::max<int64_t>(1, host_cores / file.local_at_once);
 
   std::size_t count = 1;
+  const std::size_t each = file.search.is_on() ? static_cast<std::size_t>(file.search.runs) : 1;
   for (const SweepAxis& axis : file.axes)
-    if ((count *= axis.values.size()) > kRunsMax)
+    if ((count *= axis.values.size()) * each > kRunsMax)
       return Error{ErrorCode::kBadInput, file.at(axis.line) + "the axes make more than " +
                                              std::to_string(kRunsMax) + " runs; write several sweeps"};
   DescribeOnce once(describe);
@@ -214,21 +303,29 @@ Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, 
     for (std::size_t i = file.axes.size(); i-- > 0; rest /= file.axes[i].values.size())
       values[i] = file.axes[i].values[rest % file.axes[i].values.size()];
     if (is_excluded(file, values)) continue;
-    Expected<SweepRun> run = make_run(file, values, std::ref(once), plan.cores);
-    if (!run) {
-      const std::string& why = run.error().message;
+    RunConfig config;
+    Expected<SweepRun> run = make_run(file, values, std::ref(once), plan.cores, config);
+    Status can_run =
+        run ? add_extremes(file, values, std::ref(once), plan.cores, plan.extremes) : Status(run.error());
+    if (!can_run) {
+      const std::string& why = can_run.error().message;
+      const std::string name = run ? run->name : sweep_run_name(file.axes, values);
       if (++refused_count == 1)
-        refused = Error{run.error().code, file.at(line_of(file, why)) + sweep_run_name(file.axes, values) +
-                                              " cannot run: " + why};
+        refused = Error{can_run.error().code, file.at(line_of(file, why)) +
+                                                  (name.empty() ? std::string("a run") : name) +
+                                                  " cannot run: " + why};
       continue;
     }
-    if (!names.insert(run->name).second)
-      return Error{ErrorCode::kBadInput, file.at(file.axes.front().line) + "two runs would be called " +
-                                             run->name + "; their values differ only in signs or folders"};
-    if (run->name.size() > 200 || run->name[0] == '.')
-      return Error{ErrorCode::kBadInput, file.at(file.axes.front().line) + "a run would be called " +
-                                             run->name + ": at most 200 letters, not first '.'"};
-    plan.runs.push_back(*std::move(run));
+    std::vector<SweepRun> runs = {*std::move(run)};
+    if (file.search.is_on()) runs = runs_of_search(file, runs.front(), config.run.seed);
+    const std::string& name = runs.front().name;
+    if (!names.insert(name).second)
+      return Error{ErrorCode::kBadInput, file.at(first_line(file)) + "two runs would be called " + name +
+                                             "; their values differ only in signs or folders"};
+    if (name.size() > 200 || name[0] == '.')
+      return Error{ErrorCode::kBadInput, file.at(first_line(file)) + "a run would be called " + name +
+                                             ": at most 200 letters, not first '.'"};
+    plan.runs.insert(plan.runs.end(), runs.begin(), runs.end());
   }
   if (refused) {
     if (refused_count > 1)

@@ -1,5 +1,5 @@
-// The runs that a sweep's file asks for: the product of its axes without what it excludes, each with a name, its settings
-// and a check that `comrad train` would take them. Pure but for `describe`; nothing is written or started here.
+// The runs that a sweep's file asks for: the product of its axes without what it excludes, with [search] the trials or members
+// of each, each with a name, its settings and a check that `comrad train` would take them. Pure but for `describe`; nothing is written or started here.
 #pragma once
 
 #include <string>
@@ -17,8 +17,13 @@ struct SweepRun {
   /// What `comrad train` is told: shared settings, then the axes; canonical names.
   SettingsLayer settings;
   double goal_env_frames = 0;  ///< train_for_env_frames
-  /// `comrad train` and its flags for this run below `folder`; `comrad` is the program's path.
-  std::vector<std::string> command(const std::string& comrad, const std::string& folder) const;
+  std::string study =
+      {};              ///< the search that it belongs to: its axes' values, or the sweep's name; empty: none
+  int64_t number = 0;  ///< in the study, from 1
+  /// `comrad train` and its flags for this run below `folder`; `comrad` is the program's path. `over`: settings in place of
+  /// the run's, or beside them.
+  std::vector<std::string> command(const std::string& comrad, const std::string& folder,
+                                   const SettingValues& over = {}) const;
 };
 
 struct SweepPlan {
@@ -26,6 +31,9 @@ struct SweepPlan {
   std::string folder;  ///< absolute
   int64_t cores = 1;   ///< of one run
   std::vector<SweepRun> runs;
+  /// With [search]: runs that are not made, each with one searched setting at an end of its range or at one of its choices.
+  /// `comrad train` would take them, too.
+  std::vector<SweepRun> extremes;
 };
 
 /// Makes the plan. `host_cores` are shared by local runs where the file names no cores. Every run is told the sizes that

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "deploy/launch/progress.h"
@@ -34,16 +36,47 @@ std::string per_cent(const RunView& view) {
   return text;
 }
 
+/// "learning_rate=0.0003 rollout=32": long numbers with three digits.
+std::string searched_text(const RunView& view) {
+  std::string text;
+  for (const auto& [setting, value] : view.record.settings) {
+    char* end = nullptr;
+    const double number = std::strtod(value.c_str(), &end);
+    char rounded[32] = "";
+    if (*end == '\0' && value.size() > 6) std::snprintf(rounded, sizeof rounded, "%.3g", number);
+    text += (text.empty() ? "" : " ") + setting + "=" + (*rounded == '\0' ? value : rounded);
+  }
+  return text;
+}
+
+/// The run with the highest J of each study, among those that have been told: finished trials, all members.
+std::vector<const RunView*> best_of_studies(const std::vector<RunView>& views) {
+  std::vector<const RunView*> best;
+  for (const RunView& view : views) {
+    const bool is_told =
+        view.state == RunState::kFinished || (view.record.trial < 0 && view.record.steps > 0);
+    if (view.study.empty() || !std::isfinite(view.score_mean) || !is_told) continue;
+    const auto known = std::ranges::find(best, view.study, &RunView::study);
+    if (known == best.end())
+      best.push_back(&view);
+    else if (view.score_mean > (*known)->score_mean)
+      *known = &view;
+  }
+  return best;
+}
+
 std::vector<std::string> cells_of(const RunView& view) {
   const bool is_running = view.state == RunState::kRunning;
   return {view.name,
-          word_of(view.state) + std::string(view.stale.empty() ? "" : ", stale"),
+          word_of(view.state) + std::string(view.stale.empty() ? "" : ", stale") +
+              (view.record.pruned_at_env_frames > 0 ? ", pruned" : ""),
           count_text(view.env_frames) + "/" + count_text(view.goal_env_frames) + per_cent(view),
           is_running ? count_text(view.env_frames_per_s) : "",
           std::isfinite(view.score_mean) ? score_text(view.score_mean) : "",
           is_running ? eta_text(left_of(view), view.env_frames_per_s) : "",
           view.record.host + (view.record.job.empty() ? "" : " (job " + view.record.job + ")"),
-          view.record.attempts > 0 ? std::to_string(view.record.attempts) : ""};
+          view.record.attempts > 0 ? std::to_string(view.record.attempts) : "",
+          searched_text(view)};
 }
 
 }  // namespace
@@ -66,7 +99,9 @@ std::string sweep_line(const std::vector<RunView>& views) {
 
 std::string sweep_table(const std::vector<RunView>& views) {
   std::vector<std::vector<std::string>> rows = {
-      {"run", "state", "env frames", "frames/s", "J", "ETA", "host", "attempts"}};
+      {"run", "state", "env frames", "frames/s", "J", "ETA", "host", "attempts", "searched"}};
+  if (std::ranges::all_of(views, [](const RunView& view) { return view.study.empty(); }))
+    rows[0].back().clear();
   for (const RunView& view : views) rows.push_back(cells_of(view));
   std::vector<std::size_t> widths(rows[0].size());
   for (const auto& row : rows)
@@ -83,6 +118,9 @@ std::string sweep_table(const std::vector<RunView>& views) {
     text += line + "\n";
   }
   text += "\n" + sweep_line(views) + "\n";
+  for (const RunView* best : best_of_studies(views))
+    text += "best of " + best->study + ": " + best->name + ", J " + score_text(best->score_mean) + " with " +
+            searched_text(*best) + "\n";
   for (const RunView& view : views)
     if (view.state == RunState::kFailed ||
         (view.state == RunState::kInterrupted && !view.record.error.empty()))
@@ -109,6 +147,8 @@ std::string sweep_json(const std::string& name, const std::string& folder,
          {"host", view.record.host},
          {"job", view.record.job},
          {"attempts", view.record.attempts},
+         {"searched", to_json(view.record.settings)},
+         {"pruned_at_env_frames", view.record.pruned_at_env_frames},
          {"kept", view.is_kept},
          {"stale", view.stale},
          {"error", view.record.error}});

@@ -12,7 +12,8 @@ namespace comrad::deploy {
 /// present rate of those that run; failed ones are not counted in it.
 std::string sweep_line(const std::vector<RunView>& views);
 
-/// A line for each run (state, env frames, rate, J, ETA, host, attempts), the sum, and why the failed ones failed.
+/// A line for each run (state, env frames, rate, J, ETA, host, attempts; of a search its settings), the sum, the best run of each
+/// search, and why the failed ones failed.
 std::string sweep_table(const std::vector<RunView>& views);
 
 /// {"runs": [{"name", "state", "env_frames", ...}], "finished": n, ...}, one line.

@@ -8,6 +8,7 @@
 
 #include "tests/integration/running_program.h"
 #include "tests/integration/slurm_cluster.h"
+#include "tests/support/test_python.h"
 
 namespace comrad::test {
 namespace slurm_test {
@@ -102,6 +103,43 @@ TEST(SlurmSweepLong, MakesAnArrayThatIsRequeuedResumedAndReported) {
   })) << cluster.ask({"squeue", "-r"});
   EXPECT_GE(count(events(), "seed3 ends paused"), 1) << events();
   EXPECT_EQ(status()["interrupted"], 4);
+}
+
+TEST(SlurmSweepLong, TrialsOfAnArrayShareTheirStudyAndMembersGoOnAtOnce) {
+  const Expected<std::string> python = python_with("optuna");
+  if (!python) GTEST_SKIP() << python.error().message;
+  Cluster cluster;
+  if (const std::string why = cluster.start(); !why.empty()) GTEST_SKIP() << "no Slurm here: " << why;
+  const ScratchFolder scratch;
+  for (const auto& [name, search] :
+       {std::pair("tpe", "method = \"tpe\"\ntrials = 4"),
+        std::pair("pbt", "method = \"pbt\"\nmembers = 3\nevery_env_frames = 500")}) {
+    const std::string file = scratch.write(
+        "study.toml",
+        "name = \"" + std::string(name) + "\"\nbackend = \"slurm\"\ntrain_dir = \"" + scratch.string() +
+            "\"\n[settings]\nscenario = \"field\"\ntrain_for_env_frames = 2000\n[search]\n" + search +
+            "\n[search.space]\nlearning_rate = {low = 1e-4, high = 1e-1, log = true}\n[resources]\ncores = "
+            "1\n" +
+            "memory_gb = 0.1\n[slurm]\npartition = \"main\"\nsetup = [\"export COMRAD_SEARCH_PYTHON=" +
+            *python + "\"]\n");
+    Environment environment = cluster.environment();
+    environment["COMRAD_SEARCH_PYTHON"] = *python;
+    const Ending submitted = RunningProgram({COMRAD_SWEEP_PROBE, "start", file}, environment).wait();
+    ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
+    const std::size_t runs = name == std::string("tpe") ? 4 : 3;
+    const std::string folder = (scratch / name).string();
+    nlohmann::json seen;
+    ASSERT_TRUE(wait_until([&] {
+      seen = nlohmann::json::parse(comrad({"sweep", "status", folder, "--json"}, cluster.environment()).out,
+                                   nullptr, false);
+      return seen.is_object() && seen["finished"] == runs;
+    })) << seen
+        << cluster.ask({"squeue", "-r"});
+    for (const nlohmann::json& run : seen["runs"])
+      EXPECT_TRUE(run["searched"].contains("learning_rate")) << run;
+    EXPECT_EQ(count(read_text(folder + "/events.log"), "begins 0 "), static_cast<int>(runs));
+    EXPECT_EQ(count(read_text(folder + "/events.log"), "meets another"), 0);
+  }
 }
 
 TEST(SlurmScript, ARunNearItsTimeLimitIsQueuedAgainUnderItsName) {

@@ -9,13 +9,15 @@
 // stopped, says so in status.json and, when SIGTERM comes, saves and leaves. What it lives through goes to D/events.log
 // ("<run> begins 300 cpus 0,1", "<run> ends paused 700"). Seeds from 600 misbehave: 6xx fails at once with a message, 7xx is
 // killed by SIGKILL after its first 1000 frames, and 8xx does not end before it was told to save once. The
-// evaluation of a run of seed 5.. fails.
+// evaluation of a run of seed 5.. fails. With --learning_rate it has a score, 1000 times that rate, and each end leaves a
+// checkpoint that it goes on from: its text is the name of every run that went into it.
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -27,7 +29,9 @@
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/signal_desk.h"
 #include "deploy/process/child_program.h"
+#include "deploy/settings/existing_run.h"
 #include "deploy/sweep/local_backend.h"
+#include "deploy/sweep/search_program.h"
 #include "deploy/sweep/slurm_backend.h"
 #include "deploy/sweep/sweep_element.h"
 #include "rollout_buffer/core/cores.h"
@@ -67,13 +71,14 @@ Expected<int> start(const std::string& path) {
   COMRAD_TRY_ASSIGN(const Descriptor lock, SweepFolder::lock(plan.folder));
   COMRAD_TRY_ASSIGN(const SweepFolder folder,
                     SweepFolder::make(plan, *read_file(path), facts_of_start("local")));
+  COMRAD_TRY(begin_search(folder));
   return file.backend == SweepBackend::kSlurm ? run_slurm(plan, folder, own_path())
                                               : run_local(plan, folder, own_path());
 }
 
 Expected<int> element(const std::string& path, const std::string& name, const std::string& cpus) {
   COMRAD_TRY_ASSIGN(const SweepFolder folder, SweepFolder::open(path));
-  ElementOptions options{.cpus = {}, .train_program = own_path()};
+  ElementOptions options{.cpus = {}, .takes_turns = !cpus.empty(), .train_program = own_path()};
   for (std::size_t begin = 0; begin < cpus.size(); begin = std::min(cpus.find(',', begin), cpus.size()) + 1)
     options.cpus.push_back(std::atoi(cpus.c_str() + begin));
   return run_element(folder, *folder.find(name), options);
@@ -97,7 +102,7 @@ int train(const std::vector<std::string>& words) {
     close(log);
   };
   SignalDesk signals;
-  std::filesystem::create_directories(run_dir);
+  std::filesystem::create_directories(run_dir + "/checkpoint");
   const int lock = open((run_dir + "/.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (flock(lock, LOCK_EX | LOCK_NB) != 0) {
     note("meets another");
@@ -116,7 +121,17 @@ int train(const std::vector<std::string>& words) {
           nlohmann::json::parse(read_file(run_dir + "/status.json").value_or(""), nullptr, false);
       before.is_object())
     status.env_frames = before["env_frames"];
-  note("begins " + std::to_string(status.env_frames) + " cpus " + joined(allowed_cpus(), ",") + " gpus " +
+  std::string lineage;
+  if (const auto rate = flags.find("learning_rate"); rate != flags.end()) {
+    status.score_mean = 1000 * std::atof(rate->second.c_str());
+    if (const auto checkpoint = find_checkpoint(run_dir, CheckpointKind::kLatest)) {
+      lineage = read_file(*checkpoint).value_or("");
+      status.env_frames =
+          static_cast<uint64_t>(std::atol(checkpoint->substr(checkpoint->rfind('_') + 1).c_str()));
+    }
+  }
+  note("begins " + std::to_string(status.env_frames) + (lineage.empty() ? "" : " from " + lineage) +
+       " cpus " + joined(allowed_cpus(), ",") + " gpus " +
        (std::getenv("CUDA_VISIBLE_DEVICES") == nullptr ? "-" : std::getenv("CUDA_VISIBLE_DEVICES")));
   const double goal = std::atof(flags["train_for_env_frames"].c_str());
   const bool will_be_killed = seed >= 700 && seed < 800 && status.env_frames < 1000;
@@ -138,6 +153,11 @@ int train(const std::vector<std::string>& words) {
   config.run.seed = seed;
   config.run.train_dir = folder;
   (void)write_file_atomically(run_dir + "/config.toml", settings_to_toml(config), false);
+  if (std::isfinite(status.score_mean)) {
+    const std::string frames = std::to_string(status.env_frames);
+    (void)write_file_atomically(run_dir + "/checkpoint/checkpoint_" + frames + "_" + frames + ".pt",
+                                (lineage.empty() ? "" : lineage + ",") + run, false);
+  }
   (void)write_file_atomically(
       run_dir + "/metrics.jsonl",
       "{\"time_s\": 1.5, \"env_frames\": 100, \"train/loss\": 0.123456789, \"perf/other\": 1}\n", false);

@@ -2,11 +2,15 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <filesystem>
+#include <memory>
+#include <set>
 #include <sstream>
 
 #include "tests/integration/running_program.h"
+#include "tests/support/test_python.h"
 
 namespace comrad::test {
 namespace sweep_test {
@@ -226,6 +230,331 @@ partition = "short"
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("mynet"));
   EXPECT_FALSE(fs::exists(scratch / "dry"));
+}
+
+/// Searches of the stand-in, whose score is 1000 times its learning rate.
+class SweepSearch : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const Expected<std::string> python = python_with("optuna");
+    if (!python) GTEST_SKIP() << python.error().message;
+    environment_ = {{"COMRAD_SEARCH_PYTHON", *python}};
+  }
+  /// `search`: further lines of [search]; `more`: of [settings].
+  std::string file(const std::string& method, const std::string& search, const std::string& frames,
+                   int at_once = 2, const std::string& more = "") const {
+    return scratch_.write(
+        "study.toml",
+        "name = \"study\"\ntrain_dir = \"" + scratch_.string() + "\"\n[settings]\nscenario = \"field\"\n" +
+            more + "train_for_env_frames = " + frames + "\n[search]\nmethod = \"" + method + "\"\n" + search +
+            "\n[search.space]\nlearning_rate = {low = 1e-4, high = 1e-1, log = true}\n" +
+            "exploration_loss = [\"entropy\", \"none\"]\n[resources]\ncores = 1\n" +
+            "memory_gb = 0.01\n[local]\nat_once = " + std::to_string(at_once) + "\n");
+  }
+  Ending start(const std::string& file) const {
+    return RunningProgram({COMRAD_SWEEP_PROBE, "start", file}, environment_).wait();
+  }
+  nlohmann::json record(const std::string& run) const {
+    return read_json(scratch_ / ("study/records/" + run + ".json"));
+  }
+  std::string events() const { return sweep_test::events(scratch_); }
+  nlohmann::json generations(const std::string& member) const {
+    return read_json(scratch_ / ("study/search/" + member + ".json"))["generations"];
+  }
+  /// Trials that the study holds: Optuna's operation 4 makes one.
+  int trials() const { return count(read_text(study_), "\"op_code\":4,"); }
+
+  const ScratchFolder scratch_;
+  const fs::path study_ = scratch_ / "study/search/study.log";
+  Environment environment_;
+};
+
+TEST_F(SweepSearch, TrialsAtOnceShareAStudyAndTheBestIsNamed) {
+  for (const char* method : {"random", "tpe"}) {
+    fs::remove_all(scratch_ / "study");
+    const std::string path = file(method, "trials = 4", "1000");
+    const Ending first = start(path);
+    ASSERT_EQ(first.exit_code, 0) << first.err;
+    EXPECT_EQ(count(events(), "ends finished 1000"), 4);
+    std::set<std::string> rates;
+    std::string best;
+    double highest = 0;
+    for (const char* run : {"trial_001", "trial_002", "trial_003", "trial_004"}) {
+      const std::string rate = record(run)["searched"]["learning_rate"];
+      rates.insert(rate);
+      if (std::stod(rate) > highest) highest = std::stod(rate), best = run;
+    }
+    EXPECT_EQ(rates.size(), 4u);
+    EXPECT_EQ(trials(), 4);
+    EXPECT_THAT(first.out, HasSubstr("best of study: " + best + ", J "));
+    const Ending again = start(path);
+    EXPECT_EQ(again.exit_code, 0);
+    EXPECT_EQ(count(events(), "begins"), 4) << "nothing is made again";
+    const nlohmann::json seen =
+        nlohmann::json::parse(comrad({"sweep", "status", path, "--json"}).out, nullptr, false);
+    EXPECT_EQ(seen["runs"][1]["searched"], record("trial_002")["searched"]);
+  }
+  const Ending more = start(file("tpe", "trials = 5", "1000"));
+  EXPECT_EQ(more.exit_code, 0) << more.err;
+  EXPECT_EQ(count(events(), "begins"), 5);
+  for (const auto& other : {file("random", "trials = 5", "1000"), file("tpe", "trials = 5\nseed = 3", "1000"),
+                            file("tpe", "trials = 5", "2000")}) {
+    const Ending changed = start(other);
+    EXPECT_EQ(changed.exit_code, 2);
+    EXPECT_THAT(changed.err, HasSubstr("study.toml:6: [search] has begun"));
+  }
+}
+
+TEST_F(SweepSearch, HalvingEndsTheWorseTrialsEarly) {
+  const Ending ending = start(file("halving", "trials = 7\nfirst_env_frames = 300", "2700", 1));
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.out, AllOf(HasSubstr("7 of 7 finished"), HasSubstr("finished, pruned")));
+  int pruned = 0;
+  for (int run = 1; run <= 7; ++run) {
+    const nlohmann::json one = record("trial_00" + std::to_string(run));
+    const double at = one["pruned_at_env_frames"];
+    EXPECT_EQ(one["state"], "finished");
+    EXPECT_THAT(at, ::testing::AnyOf(0, 300, 900));
+    pruned += at > 0;
+    if (at == 0) {
+      EXPECT_EQ(env_frames(scratch_ / ("study/trial_00" + std::to_string(run))), 2700);
+    }
+  }
+  EXPECT_GE(pruned, 3);
+  EXPECT_THAT(events(), AllOf(HasSubstr("trial_001 begins 300 from trial_001"),
+                              HasSubstr("trial_001 begins 900 from")));
+  EXPECT_EQ(trials(), 7);
+}
+
+TEST_F(SweepSearch, AKilledElementGoesOnWithItsTrial) {
+  const std::string path = file("tpe", "trials = 3", "12000");
+  nlohmann::json before;
+  {
+    RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", path}, environment_);
+    ASSERT_TRUE(wait_until([&] { return count(events(), "begins 0") == 2; }));
+    before = record("trial_001");
+    ASSERT_EQ(kill(before["pid"].get<pid_t>(), SIGKILL), 0);
+    ASSERT_TRUE(wait_until([&] { return count(events(), "trial_001 ends paused") == 1; }))
+        << "it dies with its element";
+    sweep.signal(SIGTERM);
+    EXPECT_EQ(sweep.wait().exit_code, 0);
+  }
+  const Ending rest = start(path);
+  ASSERT_EQ(rest.exit_code, 0) << rest.err << rest.out;
+  EXPECT_EQ(record("trial_001")["searched"], before["searched"]);
+  EXPECT_EQ(record("trial_001")["trial"], before["trial"]);
+  EXPECT_EQ(trials(), 3);
+  EXPECT_EQ(count(events(), "begins 0 "), 3) << events();
+  EXPECT_EQ(count(events(), "meets another"), 0);
+}
+
+TEST_F(SweepSearch, AMissingOrDamagedStudyIsAnErrorAndNothingIsTrained) {
+  const std::string path = file("tpe", "trials = 2", "100000");
+  {
+    RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", path}, environment_);
+    ASSERT_TRUE(wait_until([&] { return count(events(), "begins 0") == 2; }));
+    sweep.signal(SIGTERM);
+    EXPECT_EQ(sweep.wait().exit_code, 0);
+  }
+  const std::string study = read_text(study_);
+  const int begun = count(events(), "begins");
+  fs::remove(study_);
+  const Ending missing = start(path);
+  EXPECT_NE(missing.exit_code, 0);
+  EXPECT_THAT(missing.err, AllOf(HasSubstr("the study file " + study_.string() +
+                                           " is missing, which has chosen the settings of"),
+                                 HasSubstr("restore it")));
+  for (const std::string& damaged : {"rubbish\n" + study, study.substr(0, study.size() - 5)}) {
+    scratch_.write("study/search/study.log", damaged);
+    const Ending ending = start(path);
+    EXPECT_NE(ending.exit_code, 0);
+    EXPECT_THAT(ending.err, HasSubstr("the study file " + study_.string()));
+    // What Slurm starts later sees it, too.
+    const Ending element =
+        RunningProgram({COMRAD_SWEEP_PROBE, "sweep", "element", (scratch_ / "study").string(), "trial_001"},
+                       environment_)
+            .wait();
+    EXPECT_EQ(element.exit_code, 1);
+    EXPECT_THAT(record("trial_001")["error"].get<std::string>(),
+                HasSubstr("the study file " + study_.string()));
+  }
+  EXPECT_EQ(count(events(), "begins"), begun);
+  scratch_.write("study/search/study.log", study);
+  RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", path}, environment_);
+  EXPECT_TRUE(wait_until([&] { return count(events(), "begins") == begun + 2; }));
+  sweep.signal(SIGTERM);
+  sweep.wait();
+}
+
+TEST_F(SweepSearch, AFailedTrialIsToldAndMadeAgainWithItsSettings) {
+  const std::string path =
+      file("tpe", "trials = 1", "2000", 1, "seed = 700\n");  // killed after 1000 frames, once
+  const Ending failed = start(path);
+  EXPECT_EQ(failed.exit_code, 1);
+  const nlohmann::json before = record("trial_001");
+  EXPECT_EQ(before["state"], "failed");
+  const Ending again = start(path);
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(record("trial_001")["searched"], before["searched"]);
+  EXPECT_EQ(trials(), 2) << "the failed one, and the one that was finished";
+}
+
+TEST_F(SweepSearch, MembersOfAPopulationTakeTurnsAndTheWorstCopiesTheBest) {
+  const std::string path = file("pbt", "members = 4\nevery_env_frames = 500\nseed = 1", "2000", 1);
+  {
+    RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", path}, environment_);
+    ASSERT_TRUE(wait_until([&] { return count(events(), "begins") == 7; }));
+    sweep.signal(SIGKILL);
+    sweep.wait();
+  }
+  const Ending rest = start(path);
+  ASSERT_EQ(rest.exit_code, 0) << rest.err << rest.out;
+  EXPECT_THAT(rest.out, AllOf(HasSubstr("4 of 4 finished"), HasSubstr("best of study: member_")));
+  std::vector<std::string> first_turns;
+  std::istringstream lines(events());
+  for (std::string line; std::getline(lines, line) && first_turns.size() < 4;)
+    if (line.find("begins") != std::string::npos) first_turns.push_back(line.substr(0, 17));
+  EXPECT_THAT(first_turns, ::testing::ElementsAre("member_1 begins 0", "member_2 begins 0",
+                                                  "member_3 begins 0", "member_4 begins 0"));
+  int copies = 0;
+  for (int member = 1; member <= 4; ++member) {
+    const std::string name = "member_" + std::to_string(member);
+    const nlohmann::json done = generations(name);
+    ASSERT_EQ(done.size(), 4u) << name;
+    for (std::size_t number = 0; number < 4; ++number) {
+      EXPECT_EQ(done[number]["env_frames"], 500 * (number + 1));
+      EXPECT_NEAR(done[number]["score"],
+                  1000 * std::stod(done[number]["settings"]["learning_rate"].get<std::string>()), 1e-9);
+      const std::string kept = "study/search/" + name + "/" + std::to_string(number) + "/checkpoint_";
+      const std::string frames = std::to_string(500 * (number + 1));
+      EXPECT_TRUE(fs::exists(scratch_ / (kept + frames + "_" + frames + ".pt"))) << kept;
+      const std::string parent = done[number]["parent"];
+      if (parent.empty()) continue;
+      ++copies;
+      EXPECT_GT(generations(parent)[number - 1]["score"], done[number - 1]["score"]);
+      EXPECT_THAT(events(), ContainsRegex(name + " begins " + std::to_string(500 * number) +
+                                          " from [a-z0-9_,]*" + parent + " "));
+      EXPECT_TRUE(fs::exists(scratch_ / ("study/" + name + "/checkpoint_" + std::to_string(number))))
+          << "its own stays";
+    }
+  }
+  EXPECT_EQ(copies, 3) << "the worst of four, after each generation but the last";
+  EXPECT_EQ(count(events(), "meets another"), 0);
+  // A farther goal: the population goes on.
+  const Ending farther = start(file("pbt", "members = 4\nevery_env_frames = 500\nseed = 1", "2500", 2));
+  EXPECT_EQ(farther.exit_code, 0) << farther.err;
+  EXPECT_EQ(generations("member_3").size(), 5u);
+}
+
+TEST_F(SweepSearch, MembersOnAClusterGoOnByThemselvesAtOnce) {
+  const std::string path = file("pbt", "members = 3\nevery_env_frames = 500", "1500", 1);
+  {
+    RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", path}, environment_);
+    ASSERT_TRUE(wait_until([&] { return count(events(), "begins") == 1; }));
+    sweep.signal(SIGTERM);
+    sweep.wait();
+  }
+  std::vector<std::unique_ptr<RunningProgram>> elements;
+  for (const char* member : {"member_1", "member_2", "member_3"})
+    elements.push_back(std::make_unique<RunningProgram>(std::vector<std::string>{
+        COMRAD_SWEEP_PROBE, "sweep", "element", (scratch_ / "study").string(), member}));
+  for (const auto& element : elements) {
+    const Ending ending = element->wait();
+    EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  }
+  for (const char* member : {"member_1", "member_2", "member_3"}) {
+    EXPECT_EQ(generations(member).size(), 3u) << member;
+    EXPECT_EQ(record(member)["state"], "finished") << member;
+  }
+  scratch_.write("study/search/member_2.json", "{");
+  fs::remove(scratch_ / "study/records/member_2.json");
+  const Ending damaged = start(path);
+  EXPECT_EQ(damaged.exit_code, 1);
+  EXPECT_THAT(
+      damaged.out,
+      HasSubstr("member_2 failed: " + (scratch_ / "study/search/member_2.json").string() + " is damaged"));
+}
+
+TEST(Sweep, ASearchIsCheckedBeforeAnythingStarts) {
+  const ScratchFolder scratch;
+  const auto dry_run = [&](const std::string& method, const std::string& space) {
+    return comrad({"sweep", "--dry_run",
+                   scratch.write("dry.toml", "name = \"dry\"\ntrain_dir = \"" + scratch.string() + R"("
+[settings]
+scenario = "lava_pit"
+train_for_env_frames = 1e6
+[search]
+)" + method + R"(
+[search.space]
+)" + space + "\n[resources]\ncores = 1\nmemory_gb = 1\n")},
+                  {{"COMRAD_SEARCH_PYTHON", "/bin/false"}});
+  };
+  const std::string pbt = "method = \"pbt\"\nmembers = 2\nevery_env_frames = 1e5";
+  const Ending good = dry_run(pbt, "gamma = {low = 0.9, high = 0.999}");
+  ASSERT_EQ(good.exit_code, 0) << good.err;
+  EXPECT_THAT(good.out,
+              AllOf(HasSubstr("# pbt searches gamma: 0.9 to 0.999\n"), HasSubstr("--experiment member_2 ")));
+  const Ending no_optuna = dry_run("method = \"tpe\"\ntrials = 2", "gamma = {low = 0.9, high = 0.999}");
+  EXPECT_EQ(no_optuna.exit_code, 2);
+  EXPECT_THAT(no_optuna.err, HasSubstr("[search] needs Optuna 4 or later"));
+  const Ending unknown = dry_run(pbt, "gama = {low = 0.9, high = 0.999}");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("dry.toml:11: unknown setting 'gama'; did you mean 'gamma'?"));
+  const Ending odd = dry_run("method = \"random\"\ntrials = 2", "encoder = [\"simple\", \"mynet\"]");
+  EXPECT_EQ(odd.exit_code, 2);
+  EXPECT_THAT(odd.err, AllOf(HasSubstr("dry.toml:10: "), HasSubstr("mynet")));
+  EXPECT_FALSE(fs::exists(scratch / "dry"));
+}
+
+/// Three real runs that copy each other's checkpoints.
+TEST(SweepPopulationLong, OfRealRunsCopiesCheckpointsAndSettings) {
+  const ScratchFolder scratch;
+  const std::string file =
+      scratch.write("real.toml", "name = \"real\"\ntrain_dir = \"" + scratch.string() + R"("
+[settings]
+scenario = "coop_health_gathering"
+algo = "ippo"
+num_envs_per_worker = 4
+decision_limit = 16
+stats_avg = 20
+rollout = 16
+batch_size = 128
+micro_batch_size = 64
+rnn_size = 32
+device = "cpu"
+train_for_env_frames = 60000
+[search]
+method = "pbt"
+members = 3
+every_env_frames = 15000
+[search.space]
+learning_rate = {low = 1e-5, high = 1e-2, log = true}
+exploration_loss_coeff = {low = 1e-4, high = 1e-1, log = true}
+[resources]
+cores = 1
+memory_gb = 1
+)");
+  const Ending ending = comrad({"sweep", file});
+  ASSERT_EQ(ending.exit_code, 0) << ending.err << ending.out;
+  EXPECT_THAT(ending.out, HasSubstr("3 of 3 finished"));
+  int copies = 0;
+  for (const char* member : {"member_1", "member_2", "member_3"}) {
+    const nlohmann::json done =
+        read_json(scratch / ("real/search/" + std::string(member) + ".json"))["generations"];
+    ASSERT_EQ(done.size(), 4u) << member;
+    for (const nlohmann::json& generation : done) {
+      copies += !generation["parent"].get<std::string>().empty();
+      EXPECT_TRUE(generation["score"].is_number());
+    }
+    EXPECT_THAT(
+        read_text(scratch / ("real/" + std::string(member) + "/config.toml")),
+        HasSubstr("learning_rate = " + done[3]["settings"]["learning_rate"].get<std::string>() + "\n"));
+    EXPECT_GE(env_frames(scratch / ("real/" + std::string(member))), 60000);
+    EXPECT_THAT(read_text(scratch / ("real/records/" + std::string(member) + ".log")),
+                HasSubstr("Resuming the run in"));
+  }
+  EXPECT_GT(copies, 0);
+  EXPECT_TRUE(processes_of(scratch / "real").empty());
 }
 
 TEST(Sweep, OfRealRunsCanBeStoppedResumedAndSeen) {

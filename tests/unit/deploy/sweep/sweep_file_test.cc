@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "deploy/sweep/local_backend.h"
 #include "deploy/sweep/slurm_backend.h"
@@ -200,6 +201,151 @@ TEST(SweepPlan, TwoRunsOfOneNameAreRefused) {
       plan_refusal(
           "name = \"a\"\n[axes]\nreplay_file = [\"a/b\", \"a-b\"]\n[settings]\nscenario = \"field\"\n"),
       HasSubstr("two runs would be called"));
+}
+
+constexpr const char* kSearch = R"(
+name = "study"
+[settings]
+scenario = "field"
+train_for_env_frames = 1e6
+[search]
+method = "tpe"
+trials = 3
+seed = 7
+[search.space]
+learning_rate = {low = 1e-5, high = 1e-3, log = true}
+rollout = {low = 16, high = 64, step = 16}
+exploration_loss = ["entropy", "symmetric_kl"]
+)";
+
+/// kSearch with the first `part` replaced.
+std::string search_with(const std::string& part, const std::string& by) {
+  std::string text = kSearch;
+  return text.replace(text.find(part), part.size(), by);
+}
+
+/// A population with `lines` in its [search] and `space` in its [search.space].
+std::string population(const std::string& lines, const std::string& space) {
+  return "name = \"a\"\n[settings]\nscenario = \"field\"\ntrain_for_env_frames = 1e5\n[search]\nmethod = "
+         "\"pbt\"\n" +
+         lines + "\n[search.space]\n" + space + "\n";
+}
+
+TEST(SweepSearch, IsReadWithItsSpaceInTheOrderOfTheFile) {
+  const Expected<SweepFile> file = parse_sweep_file(kSearch, "s.toml");
+  ASSERT_TRUE(file) << file.error().message;
+  const SweepSearch& search = file->search;
+  EXPECT_EQ(search.method, SearchMethod::kTpe);
+  EXPECT_EQ(search.runs, 3);
+  ASSERT_EQ(search.space.size(), 3u);
+  EXPECT_EQ(search.space[0].words(), "1e-05 to 0.001 (log)");
+  EXPECT_EQ(search.space[1].words(), "16 to 64 in steps of 16");
+  EXPECT_EQ(search.space[2].words(), "entropy or symmetric_kl");
+  const Expected<SweepSearch> again = search_from_json(to_json(search));
+  ASSERT_TRUE(again);
+  EXPECT_EQ(to_json(*again), to_json(search));
+  EXPECT_EQ(search.space[1].text(39), "32");
+  EXPECT_EQ(search.space[1].text(1e9), "64");
+  EXPECT_TRUE(search.space[1].holds("48"));
+  for (const char* value : {"65", "16.5", "", "nan", "inf", "x", "16x"})
+    EXPECT_FALSE(search.space[1].holds(value)) << value;
+  EXPECT_FALSE(search.space[2].holds("none"));
+}
+
+TEST(SweepSearch, RefusesWhatCannotBeWithItsLine) {
+  EXPECT_THAT(refusal(search_with("\"tpe\"", "\"tpf\"")),
+              StartsWith("s.toml:6: unknown method of [search] 'tpf'; did you mean 'tpe'?"));
+  EXPECT_THAT(refusal(search_with("trials = 3", "members = 3")),
+              StartsWith("s.toml:8: unknown key 'members' in [search]"));
+  EXPECT_THAT(refusal(search_with("trials = 3", "")),
+              HasSubstr("says no number of runs; add a line: trials = 20"));
+  EXPECT_THAT(refusal(search_with("trials = 3", "trials = 0")),
+              StartsWith("s.toml:8: trials must be a whole number between 1"));
+  EXPECT_THAT(refusal(search_with("seed = 7", "seed = -1")), StartsWith("s.toml:9: seed must be"));
+  const auto range = [](const std::string& text) {
+    return refusal(search_with("{low = 16, high = 64, step = 16}", text));
+  };
+  EXPECT_EQ(range("{low = 16, hihg = 64}"),
+            "s.toml:12: unknown key 'hihg' in [search.space.rollout]; did you mean 'high'?");
+  EXPECT_EQ(range("{low = 16}"), "s.toml:12: rollout needs two numbers: {low = ..., high = ...}");
+  EXPECT_EQ(range("{low = 64, high = 16}"), "s.toml:12: rollout: low must be below high");
+  EXPECT_THAT(range("{low = 0, high = 16}"), StartsWith("s.toml:12: rollout is 0; it must be"));
+  EXPECT_THAT(range("{low = 1, high = 1e18}"), StartsWith("s.toml:12: "));
+  EXPECT_THAT(range("{low = 1.5, high = 16}"), StartsWith("s.toml:12: "));
+  EXPECT_THAT(range("{low = 16, high = 64, step = 0}"), HasSubstr("step must be a number above 0"));
+  EXPECT_THAT(range("{low = 16, high = 64, step = 7.5}"), HasSubstr("so must its step be"));
+  EXPECT_THAT(range("{low = 16, high = 64, step = 17}"), HasSubstr("low and a whole number of steps"));
+  EXPECT_THAT(range("{low = 16, high = 64, step = 16, log = true}"), HasSubstr("both log and step"));
+  EXPECT_THAT(range("{low = nan, high = 64}"), StartsWith("s.toml:12: "));
+  EXPECT_THAT(range("3"), StartsWith("s.toml:12: rollout must be a range"));
+  EXPECT_THAT(range("[32]"), StartsWith("s.toml:12: rollout has one value; put it in [settings]"));
+  EXPECT_THAT(range("[32, 32]"), HasSubstr("twice"));
+  EXPECT_THAT(refusal(search_with("[\"entropy\", \"symmetric_kl\"]", "{low = 1, high = 2}")),
+              StartsWith("s.toml:13: exploration_loss is no number; give it a list"));
+  EXPECT_THAT(refusal(search_with("symmetric_kl", "symetric_kl")), HasSubstr("s.toml:13: "));
+  EXPECT_THAT(refusal(search_with("rollout =", "rolout =")), HasSubstr("did you mean 'rollout'?"));
+  EXPECT_THAT(refusal(search_with("rollout =", "train_for_env_frames =")), HasSubstr("already"));
+  EXPECT_THAT(refusal(search_with("rollout =", "seed =")), StartsWith("s.toml:12: seed is not searched"));
+  EXPECT_THAT(refusal(search_with("[search.space]", "[search.spice]")), HasSubstr("did you mean 'space'?"));
+  EXPECT_THAT(refusal("name = \"a\"\n[search]\nmethod = \"random\"\ntrials = 2\n"),
+              HasSubstr("nothing to search"));
+  EXPECT_THAT(refusal(std::string(kSearch) + "[results]\nfolder = \"k\"\n"),
+              HasSubstr("[results] cannot be had with [search]"));
+  const std::string every = "members = 4\nevery_env_frames = 1e4\n";
+  EXPECT_EQ(refusal(population(every, "gamma = [0.9, 0.99]")), "accepted");
+  EXPECT_THAT(refusal(population(every, "rnn_size = [64, 128]")),
+              StartsWith("s.toml:11: rnn_size cannot change in a run"));
+  EXPECT_THAT(refusal(population(every, "rollout = [16, 32]")), HasSubstr("cannot change in a run"));
+  EXPECT_THAT(refusal(population("members = 4", "gamma = [0.9, 0.99]")), HasSubstr("needs every_env_frames"));
+  EXPECT_THAT(refusal(population("members = 1\nevery_env_frames = 1e4", "gamma = [0.9, 0.99]")),
+              HasSubstr("between 2 and"));
+  EXPECT_THAT(refusal(population(every + "quantile = 0.6", "gamma = [0.9, 0.99]")), HasSubstr("at most 0.5"));
+  for (const char* factors : {"[]", "[0]", "[1.2, \"a\"]", "1.2", "[1e9]"})
+    EXPECT_THAT(refusal(population(every + "perturb = " + factors, "gamma = [0.9, 0.99]")),
+                HasSubstr("a list of 1 to 16 factors"))
+        << factors;
+  EXPECT_THAT(refusal(population(every + "resample_probability = 2", "gamma = [0.9, 0.99]")),
+              HasSubstr("between 0.0 and 1.0"));
+}
+
+TEST(SweepSearch, MakesItsTrialsOfEachCombination) {
+  const SweepPlan plan = plan_of(std::string(kSearch) + "[axes]\nseed = [1, 2]\n");
+  EXPECT_THAT(names_of(plan), ElementsAre("seed1_trial_001", "seed1_trial_002", "seed1_trial_003",
+                                          "seed2_trial_001", "seed2_trial_002", "seed2_trial_003"));
+  EXPECT_EQ(plan.runs[4].study, "seed2");
+  EXPECT_EQ(plan.runs[4].number, 2);
+  EXPECT_THAT(plan.runs[4].command("comrad", "/tmp", {{"seed", "9"}, {"gamma", "0.9"}}),
+              testing::AllOf(testing::IsSupersetOf({"seed2_trial_002", "--seed=9", "--gamma=0.9"}),
+                             Not(testing::Contains("--seed=2"))));
+  const SweepPlan alone = plan_of(kSearch);
+  EXPECT_THAT(names_of(alone), ElementsAre("trial_001", "trial_002", "trial_003"));
+  EXPECT_EQ(alone.runs[0].study, "study");
+  EXPECT_EQ(alone.extremes.size(), 2u + 2 + 2);
+  const SweepPlan members = plan_of(population("members = 3\nevery_env_frames = 1e4", "gamma = [0.9, 0.99]"));
+  EXPECT_THAT(names_of(members), ElementsAre("member_1", "member_2", "member_3"));
+  EXPECT_THAT(members.runs[2].command("comrad", "/tmp"),
+              testing::Contains("--seed=44"));  // weights of its own
+}
+
+TEST(SweepSearch, RefusesWhatAnyOfItsRunsCouldNotDo) {
+  EXPECT_EQ(plan_refusal(kSearch), "accepted");
+  EXPECT_THAT(plan_refusal(search_with("exploration_loss = [\"entropy\", \"symmetric_kl\"]",
+                                       "td_lambda = {low = 0.1, high = 0.9}")),
+              AllOf(StartsWith("s.toml:13: "), HasSubstr("td_lambda has no effect")));
+  EXPECT_THAT(
+      plan_refusal(search_with("exploration_loss = [\"entropy\", \"symmetric_kl\"]", "num_agents = [2, 7]")),
+      AllOf(StartsWith("s.toml:13: "), HasSubstr("with num_agents=7"), HasSubstr("supports 1, 2 agents")));
+  const std::string every = "members = 4\nevery_env_frames = ";
+  EXPECT_THAT(plan_refusal(population(every + "1e5", "gamma = [0.9, 0.99]")),
+              AllOf(StartsWith("s.toml:4: "), HasSubstr("pbt decides first at 1e+05")));
+  EXPECT_THAT(plan_refusal(population(every + "1e4", "lr_schedule = [\"constant\", \"linear_decay\"]")),
+              HasSubstr("lr_schedule is linear_decay, which would reach 0"));
+  EXPECT_THAT(plan_refusal(population(every + "1e4",
+                                      "learning_rate = {low = 1e-5, high = 1e-3}\nlr_schedule = "
+                                      "[\"constant\", \"kl_adaptive_epoch\"]")),
+              AllOf(StartsWith("s.toml:11: "), HasSubstr("goes on at the rate of its checkpoint")));
+  EXPECT_THAT(plan_refusal(search_with("trials = 3", "trials = 10000") + "[axes]\nseed = [1, 2]\n"),
+              HasSubstr("more than 10000"));
 }
 
 TEST(LocalSlots, GiveEveryRunCoresOfItsOwnAndCheckTheSums) {
