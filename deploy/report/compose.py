@@ -4,6 +4,7 @@ import datetime
 import pathlib
 
 import figures
+import searches
 import study_tables as of
 from analysis import ENDED_BADLY, Study, family_gaps, normalised_scores, published_table, states_text, uses_evaluations
 from page import Page
@@ -66,6 +67,23 @@ class Report:
             self.page.heading("All scenarios")
             self.table("All scenarios", matrix)
         self.latex.append(as_latex(matrix, matrix.note))
+
+    def searches(self) -> None:
+        found = searches.read_searches(self.study.folder)
+        if found:
+            self.page.section(
+                "Searches",
+                "What sweeps with [search] have tried, the best first; one run each, so a difference may be that of seeds.",
+            )
+        for search in found:
+            title = f"{search.title}, {search.method}"
+            self.page.heading(title)
+            self.table(f"Search: {title}", searches.run_table(search))
+            self.page.figure(
+                searches.lineage_figure(search),
+                f"{title}: a point is the end of a generation; a dotted line leads from the member whose checkpoint was copied",
+            )
+            self.table(f"Lineage: {title}", searches.lineage_table(search))
 
     def curves(self) -> None:
         self.page.section(
@@ -184,6 +202,7 @@ def write_report(study: Study, output: pathlib.Path, title: str, now: datetime.d
     report = Report(study, title, now)
     report.failures()
     report.scores()
+    report.searches()
     report.curves()
     report.aggregates()
     report.efficiency()

@@ -38,6 +38,7 @@ try:
     import plot
     import report
     import run_files
+    import searches
     import study_tables as of
     import tables
 except ImportError as missing:
@@ -694,6 +695,53 @@ class TheCommand(WithFolder):
         self.assertAlmostEqual(float(row["seeds_low"]), low)
         self.assertAlmostEqual(float(row["seeds_high"]), high)
         self.assertIn(r"\toprule", (self.folder / "out" / "report.tex").read_text())
+
+    def test_a_population_is_shown_with_its_lineage(self):
+        members = ("member_1", "member_2")
+        for name in members:
+            made_runs.write_run(self.folder / "study", "lava_pit", "ippo", 42, start=0, end=5, name=name)
+            (self.folder / "study" / name / "status.json").write_text(
+                json.dumps({"state": "finished", "env_frames": 1e6, "J_mean": 7.5 if name == "member_2" else 6.25})
+            )
+        settings = {"scenario": "lava_pit", "algo": "ippo", "seed": "42"}
+        runs = [{"name": name, "settings": settings, "study": "study", "number": 1} for name in members]
+        space = [{"setting": "learning_rate", "low": 1e-5, "high": 1e-2}, {"setting": "exploration_loss", "choices": ["none"]}]
+        sweep = {"name": "study", "runs": runs, "search": {"method": "pbt", "space": space}}
+        folder = self.folder / "study"
+        (folder / "records").mkdir()
+        (folder / "search").mkdir()
+        (folder / "sweep.json").write_text(json.dumps(sweep))
+        generation = lambda rate, score, frames, parent="": {
+            "settings": {"learning_rate": rate, "exploration_loss": "<b>none"},
+            "parent": parent,
+            "env_frames": frames,
+            "score": score,
+        }
+        histories = {
+            "member_1": [generation("0.0001", 1.5, 5e5), generation("0.0036", 6.25, 1e6, "member_2")],
+            "member_2": [generation("0.003", 5.5, 5e5), generation("0.003", 7.5, 1e6), {"settings": {}, "parent": ""}],
+        }
+        for name, history in histories.items():
+            (folder / "search" / f"{name}.json").write_text(json.dumps({"generations": history}))
+            record = {"state": "finished", "searched": history[1]["settings"]}
+            (folder / "records" / f"{name}.json").write_text(json.dumps(record))
+        ended = run_report(self.folder, "--output", self.folder / "out")
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        text = (self.folder / "out" / "report.md").read_text()
+        self.assertIn("| member_2 | 0.003 | &lt;b>none | 1 M | 7.5 | finished |\n| member_1 | 0.0036 |", text)
+        self.assertIn("| 0.5 M | member_1 | member_2 | 1.5 | 5.5 | learning_rate 0.003 to 0.0036 |", text)
+        page = (self.folder / "out" / "report.html").read_text()
+        self.assertIn("a dotted line leads from the member", page)
+        self.assertNotIn("<b>none", page)
+        for damaged in ("{", "[]", '{"generations": [1, {"env_frames": "x"}]}', '{"generations": {"a": 1}}'):
+            (folder / "search" / "member_1.json").write_text(damaged)
+            for search in searches.read_searches(self.folder):
+                self.assertEqual(searches.lineage_table(search).rows, [])
+                self.assertIsNotNone(searches.lineage_figure(search))  # the other member's
+        for damaged in ({"space": 3}, {"space": [3]}, 7, {"space": [], "method": []}):
+            (folder / "sweep.json").write_text(json.dumps(sweep | {"search": damaged}))
+            for search in searches.read_searches(self.folder):
+                searches.run_table(search), searches.lineage_table(search), searches.lineage_figure(search)
 
     def test_labels_of_several_settings_leave_figures_their_room(self):
         for number, seed in enumerate((42, 68, 42, 68)):
