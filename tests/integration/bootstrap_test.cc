@@ -299,6 +299,28 @@ TEST_F(SmallProjectWithTools, ConfiguresAgainOnceThePythonOfTheTestsIsThere) {
   EXPECT_EQ(read_text(home_ / "build/python.told"), "[][" + test_python_ + "]");
 }
 
+TEST_F(SmallProjectWithTools, InstallsWhatASearchNeedsForASweepThatSearches) {
+  write("deploy/requirements_search.txt", "optuna==1\n");
+  write("plain.toml", "name = \"plain\"\n[axes]\nseed = [1]\n");
+  write("pbt.toml", "[search]\nmethod = \"pbt\"\n");
+  write("tpe.toml", "[search]\n  method = \"tpe\"\n");
+  const std::string plain = home_ / "plain.toml", pbt = home_ / "pbt.toml", tpe = home_ / "tpe.toml";
+  for (const std::vector<std::string>& words : {std::vector<std::string>{"sweep"},
+                                                {"sweep", "status", "plain"},
+                                                {"sweep", plain},
+                                                {"sweep", pbt},
+                                                {"train", tpe}})
+    EXPECT_EQ(run_with_tools(words).exit_code, 0);
+  EXPECT_EQ(run_with_tools({"sweep", tpe}, {{"COMRAD_SEARCH_PYTHON", "/my/python"}}).exit_code, 0);
+  EXPECT_EQ(take_asked_for("python"), "");
+  EXPECT_EQ(run_with_tools({"sweep", "--dry_run", tpe}).exit_code, 0);
+  EXPECT_THAT(take_asked_for("python"),
+              AllOf(HasSubstr("-m venv " + (home_ / "build/search-python").string() + "\n"),
+                    HasSubstr(" optuna==1\n")));
+  EXPECT_EQ(run_with_tools({"sweep", tpe}).err, "");
+  EXPECT_EQ(take_asked_for("python"), "") << "once";
+}
+
 TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
   write("deploy/packages_report.txt", "clang\n");
   EXPECT_EQ(run_with_tools({"plot", "--help"}).exit_code, 0);

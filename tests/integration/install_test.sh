@@ -73,7 +73,7 @@ if grep -q './comrad' "${scratch}/doctor.json"; then fail "doctor names ./comrad
 grep -q '"iwad"' "${scratch}/doctor.json" || fail "doctor printed $(<"${scratch}/doctor.json")"
 if grep -qE '"(packages|test packages|test python)"' "${scratch}/doctor.json"; then fail "doctor looks for the sources"; fi
 # The programs that draw and export come along.
-python3 -B -m py_compile "${prefix}"/share/comrad/deploy/report/*.py || fail "reports do not come along"
+python3 -B -m py_compile "${prefix}"/share/comrad/deploy/{report,sweep}/*.py || fail "reports and searches do not come along"
 [[ -f "${prefix}/share/comrad/deploy/sweeps/benchmark.toml" ]] || fail "the paper's sweep does not come along"
 if installed test >"${scratch}/test.log" 2>&1; then fail "an installed program has no tests"; fi
 grep -q 'run ./comrad test from the sources' "${scratch}/test.log" || fail "test: $(<"${scratch}/test.log")"
