@@ -77,7 +77,9 @@ constexpr OtherName kOtherNames[] = {
     {.name = "with_pbt",
      .is_boolean = true,
      .same = "false 0",
-     .instead = "there is no population-based training; start one run for each set of values"},
+     .instead =
+         "a run trains one team; `comrad sweep` with [search] and method = \"pbt\" trains a population "
+         "(deploy/SWEEPS.md)"},
     {.name = "batched_sampling",
      .is_boolean = true,
      .same = "false true 0 1",
