@@ -31,7 +31,7 @@ Expected<std::vector<double>> measure_round(const BenchRequest& request, ordered
   COMRAD_TRY_ASSIGN(train, measured("train", 1, request.user));
   const auto of_team = [&](const std::string& agents) {
     return measured("sim", kTeamShare,
-                    with_settings(request.user, {{"scenario", "armory_siege"}, {"num_agents", agents}}));
+                    user_with(request.user, {{"scenario", "armory_siege"}, {"num_agents", agents}}));
   };
   COMRAD_TRY_ASSIGN(const ordered_json two, of_team("2"));
   COMRAD_TRY_ASSIGN(const ordered_json eight, of_team("8"));

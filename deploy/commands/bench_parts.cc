@@ -190,7 +190,7 @@ Expected<ordered_json> measure_all_algorithms(const BenchRequest& request) {
   ordered_json summary, rows = ordered_json::array();
   for (const std::string& algorithm : algorithm_names()) {
     BenchRequest one = request;
-    one.user = with_settings(request.user, {{"algo", algorithm}});
+    one.user = user_with(request.user, {{"algo", algorithm}});
     COMRAD_TRY_ASSIGN(const ordered_json measured, measure_bench(one));
     if (summary.empty()) summary = measured;
     const double first =
@@ -213,12 +213,8 @@ Expected<ordered_json> measure_with_program(std::vector<std::string> command, do
   return object_of(command, 3 * seconds + 60);
 }
 
-UserSettings with_settings(UserSettings user,
-                           const std::vector<std::pair<std::string, std::string>>& settings) {
-  for (const auto& [setting, value] : settings) {
-    std::erase_if(user.typed.values, [&](const auto& one) { return one.first == setting; });
-    user.typed.values.emplace_back(setting, value);
-  }
+UserSettings user_with(UserSettings user, const SettingValues& settings) {
+  user.typed.values = with_settings(std::move(user.typed.values), settings);
   return user;
 }
 

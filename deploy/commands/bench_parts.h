@@ -35,7 +35,6 @@ Expected<nlohmann::ordered_json> measure_all_algorithms(const BenchRequest& requ
 Expected<nlohmann::ordered_json> measure_with_program(std::vector<std::string> command, double seconds);
 
 /// Settings on top of others: the later of two wins.
-UserSettings with_settings(UserSettings user,
-                           const std::vector<std::pair<std::string, std::string>>& settings);
+UserSettings user_with(UserSettings user, const SettingValues& settings);
 
 }  // namespace comrad::deploy

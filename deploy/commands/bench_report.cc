@@ -116,9 +116,9 @@ Expected<std::vector<ordered_json>> measure_everything(const BenchRequest& reque
   }
   for (const char* precision : {"fp32", "bf16"}) {
     tell(std::string("train, ") + precision);
-    COMRAD_TRY_ASSIGN(ordered_json one,
-                      measure_bench({"train", with_settings(request.user, {{"precision", precision}}),
-                                     request.seconds, true}));
+    COMRAD_TRY_ASSIGN(
+        ordered_json one,
+        measure_bench({"train", user_with(request.user, {{"precision", precision}}), request.seconds, true}));
     all.push_back(std::move(one));
   }
   return all;

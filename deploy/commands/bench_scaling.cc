@@ -72,7 +72,7 @@ Expected<ordered_json> measure_scaling(const ScalingGrid& grid, const BenchReque
                    text_of(point).c_str());
     BenchRequest one = request;
     one.what = point.bench;
-    one.user = with_settings(request.user, point.settings);
+    one.user = user_with(request.user, point.settings);
     one.is_quiet = true;
     const Expected<ordered_json> measured = measure_bench(one);
     if (!measured) return Error{measured.error().code, text_of(point) + ": " + measured.error().message};

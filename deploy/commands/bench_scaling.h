@@ -19,7 +19,7 @@ struct ScalingGrid {
   /// One point: settings on top of the others.
   struct Point {
     std::string bench;
-    std::vector<std::pair<std::string, std::string>> settings;
+    SettingValues settings;
   };
   /// Every combination, the last list changing first. A simulator's bench is one process, so `workers` varies for train alone.
   std::vector<Point> points() const;

@@ -5,20 +5,6 @@
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
-namespace {
-
-TunedSettings with(TunedSettings settings, const TunedSettings& others) {
-  for (const auto& [setting, value] : others) {
-    const auto found = std::ranges::find(settings, setting, &std::pair<std::string, std::string>::first);
-    if (found != settings.end())
-      found->second = value;
-    else
-      settings.emplace_back(setting, value);
-  }
-  return settings;
-}
-
-}  // namespace
 
 Expected<TuneResult> tune(const std::vector<TuneAxis>& axes,
                           const std::function<Expected<double>(const TunedSettings&)>& measure,
@@ -45,7 +31,7 @@ Expected<TuneResult> tune(const std::vector<TuneAxis>& axes,
     if (begin.rate <= 0) return Error{ErrorCode::kBadInput, begin.failure};
     TuneTry fastest = begin;
     for (const TunedSettings& alternative : axis) {
-      const TuneTry one = measured(with(result.best, alternative), begin.rate);
+      const TuneTry one = measured(with_settings(result.best, alternative), begin.rate);
       if (one.rate > fastest.rate) fastest = one;
     }
     if (fastest.ratio < 1 + kLeastGain || fastest.settings == begin.settings) continue;

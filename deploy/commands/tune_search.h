@@ -3,16 +3,16 @@
 
 #include <functional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
+#include "rollout_buffer/settings/settings_layer.h"
 
 namespace comrad::deploy {
 
 /// Setting, value: what is said on top of what the user said.
-using TunedSettings = std::vector<std::pair<std::string, std::string>>;
+using TunedSettings = SettingValues;
 
 /// What is tried in place of what is in force: a setting's other value each, or values that belong together.
 using TuneAxis = std::vector<TunedSettings>;

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 from figures import legend_below
 from run_files import number, one_line
-from sweep_files import PATTERNS, read_object, read_record
+from sweep_files import PATTERNS, object_or_empty, read_record
 from tables import Table, millions, rounded
 
 PANELS_MAX = 6  # of a lineage figure
@@ -61,13 +61,6 @@ class Search:
 
 def texts_in(value) -> dict[str, str]:
     return {key: one_line(text, 80) for key, text in value.items() if isinstance(text, str)} if isinstance(value, dict) else {}
-
-
-def object_or_empty(path: pathlib.Path) -> dict:
-    try:
-        return read_object(path)
-    except (OSError, ValueError):
-        return {}
 
 
 def read_generations(path: pathlib.Path) -> list[Generation]:

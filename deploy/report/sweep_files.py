@@ -28,12 +28,17 @@ def read_object(path: pathlib.Path) -> dict:
     return found
 
 
-def read_record(sweep: pathlib.Path, name: str) -> dict:
-    """How the last attempt of a run went; empty where there was none, or where the record cannot be read."""
+def object_or_empty(path: pathlib.Path) -> dict:
+    """Empty where there is no such file, or where it cannot be read."""
     try:
-        return read_object(sweep / "records" / f"{name}.json")
+        return read_object(path)
     except (OSError, ValueError):
         return {}
+
+
+def read_record(sweep: pathlib.Path, name: str) -> dict:
+    """How the last attempt of a run went; empty where there was none, or where the record cannot be read."""
+    return object_or_empty(sweep / "records" / f"{name}.json")
 
 
 def read_plan(path: pathlib.Path) -> list[tuple[str, dict]]:

@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <deque>
 #include <filesystem>
+#include <limits>
 #include <optional>
 
 #include "deploy/launch/progress.h"
@@ -91,13 +92,14 @@ class LocalSweep {
 
   /// The first that no other process has; of the members of a population the one with the fewest env frames.
   std::deque<const SweepRun*>::iterator next_run() {
-    const auto rank = [&](const SweepRun* run) {
-      return is_population() ? folder_.look(*run, {}).env_frames : 0.0;
-    };
     auto next = waiting_.end();
-    for (auto run = waiting_.begin(); run != waiting_.end(); ++run)
-      if (!is_taken(folder_.run_dir(**run)) && (next == waiting_.end() || rank(*run) < rank(*next)))
-        next = run;
+    double fewest = std::numeric_limits<double>::infinity();
+    for (auto run = waiting_.begin(); run != waiting_.end(); ++run) {
+      if (is_taken(folder_.run_dir(**run))) continue;
+      if (!is_population()) return run;
+      const double env_frames = folder_.look(**run, {}).env_frames;
+      if (env_frames < fewest) fewest = env_frames, next = run;
+    }
     return next;
   }
 

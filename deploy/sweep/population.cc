@@ -8,6 +8,7 @@
 #include "deploy/settings/existing_run.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
@@ -34,7 +35,7 @@ std::string drawn(const SearchedSetting& searched, Rng& rng) {
 }
 
 const std::string& value_in(const SettingValues& values, const std::string& setting) {
-  return std::ranges::find(values, setting, &std::pair<std::string, std::string>::first)->second;
+  return std::ranges::find(values, setting, &SettingValues::value_type::first)->second;
 }
 
 SettingValues perturbed(const SweepSearch& search, const SettingValues& before, Rng& rng) {
@@ -46,7 +47,7 @@ SettingValues perturbed(const SweepSearch& search, const SettingValues& before, 
     if (is_drawn)
       value = drawn(searched, rng);
     else if (searched.choices.empty())
-      value = searched.text(std::strtod(value.c_str(), nullptr) * factor);
+      value = searched.text(read_real(value).value() * factor);
     values.emplace_back(searched.setting, value);
   }
   return values;

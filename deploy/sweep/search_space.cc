@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/text.h"
@@ -13,13 +12,6 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr double kRounding = 1e-9;  // of a value that was text on its way
-
-/// The number that a text is as a whole; NaN where it is none.
-double number_in(const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  return text.empty() || *end != '\0' ? std::nan("") : value;
-}
 
 std::string number_text(const SearchedSetting& searched, double value) {
   return searched.is_whole ? std::to_string(std::llround(value)) : real_text(value);
@@ -32,17 +24,6 @@ ordered_json space_json(const SearchedSetting& searched) {
 }
 
 }  // namespace
-
-SettingValues with_settings(SettingValues settings, const SettingValues& over) {
-  for (const auto& [setting, value] : over) {
-    const auto found = std::ranges::find(settings, setting, &std::pair<std::string, std::string>::first);
-    if (found == settings.end())
-      settings.emplace_back(setting, value);
-    else
-      found->second = value;
-  }
-  return settings;
-}
 
 std::string SearchedSetting::words() const {
   if (!choices.empty()) return joined(choices, " or ");
@@ -59,7 +40,8 @@ std::string SearchedSetting::text(double value) const {
 
 bool SearchedSetting::holds(const std::string& value) const {
   if (!choices.empty()) return std::ranges::find(choices, value) != choices.end();
-  const double number = number_in(value), room = kRounding * std::max(std::abs(low), std::abs(high));
+  const double number = read_real(value).value_or(std::nan("")),
+               room = kRounding * std::max(std::abs(low), std::abs(high));
   return number >= low - room && number <= high + room && (!is_whole || number == std::round(number));
 }
 
@@ -84,10 +66,15 @@ const char* word_of(SearchMethod method) {
   return method == SearchMethod::kNone ? "" : search_methods()[static_cast<std::size_t>(method) - 1].c_str();
 }
 
+std::optional<SearchMethod> search_method(std::string_view word) {
+  const auto found = std::ranges::find(search_methods(), word);
+  if (found == search_methods().end()) return std::nullopt;
+  return static_cast<SearchMethod>(found - search_methods().begin() + 1);
+}
+
 Status check_in_space(const SweepSearch& search, const SettingValues& values, const std::string& origin) {
   for (const SearchedSetting& searched : search.space) {
-    const auto found =
-        std::ranges::find(values, searched.setting, &std::pair<std::string, std::string>::first);
+    const auto found = std::ranges::find(values, searched.setting, &SettingValues::value_type::first);
     if (found == values.end()) return Error{ErrorCode::kBadFormat, origin + " names no " + searched.setting};
     if (!searched.holds(found->second))
       return Error{ErrorCode::kBadFormat, origin + ": " + searched.setting + " is " + found->second +
@@ -115,9 +102,9 @@ Expected<SweepSearch> search_from_json(const ordered_json& json) {
   SweepSearch search;
   if (json.is_null()) return search;
   try {
-    const auto word = std::ranges::find(search_methods(), json.at("method").get<std::string>());
-    if (word == search_methods().end()) return Error{ErrorCode::kBadFormat, ""};
-    search.method = static_cast<SearchMethod>(word - search_methods().begin() + 1);
+    const std::optional<SearchMethod> method = search_method(json.at("method").get<std::string>());
+    if (!method) return Error{ErrorCode::kBadFormat, ""};
+    search.method = *method;
     json.at("runs").get_to(search.runs);
     json.at("seed").get_to(search.seed);
     for (const ordered_json& one : json.at("space")) {

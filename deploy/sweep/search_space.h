@@ -4,19 +4,15 @@
 
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
-#include <utility>
+#include <string_view>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/settings_layer.h"
 
 namespace comrad::deploy {
-
-/// Settings and their values as config.toml has them.
-using SettingValues = std::vector<std::pair<std::string, std::string>>;
-
-/// `settings` with those of `over` in their place, or behind them.
-SettingValues with_settings(SettingValues settings, const SettingValues& over);
 
 /// A setting that is searched: some values, or a range of numbers with both ends.
 struct SearchedSetting {
@@ -69,6 +65,8 @@ struct SweepSearch {
 /// random, tpe, halving, pbt.
 const std::vector<std::string>& search_methods();
 const char* word_of(SearchMethod method);
+/// The method of a word; none for one that is no method's.
+std::optional<SearchMethod> search_method(std::string_view word);
 
 /// The values are those of the space, each setting once. `origin` is named in messages. Errors: kBadFormat.
 Status check_in_space(const SweepSearch& search, const SettingValues& values, const std::string& origin);

@@ -375,10 +375,9 @@ Status read_search(SweepFile& file, const toml::table& table) {
   Keys keys(file, table, "search");
   std::string method;
   COMRAD_TRY(keys.text("method", method));
-  const auto word = std::ranges::find(search_methods(), method);
-  if (word == search_methods().end())
-    return refuse(file, search.line, unknown_word("method of [search]", method, search_methods()));
-  search.method = static_cast<SearchMethod>(word - search_methods().begin() + 1);
+  const std::optional<SearchMethod> named = search_method(method);
+  if (!named) return refuse(file, search.line, unknown_word("method of [search]", method, search_methods()));
+  search.method = *named;
   const bool is_pbt = search.method == SearchMethod::kPbt;
   COMRAD_TRY(keys.whole(is_pbt ? "members" : "trials", is_pbt ? 2 : 1, kSearchRunsMax, search.runs));
   COMRAD_TRY(keys.whole("seed", 0, std::numeric_limits<int32_t>::max(), search.seed));

@@ -118,12 +118,12 @@ Status check_same_search(const SweepPlan& plan, const SweepFolder& before) {
     search.runs = 0;
     return to_json(search).dump();
   };
+  const bool is_another = words_of(plan.file.search) != words_of(before.search());
   for (const SweepRun& old : before.runs()) {
     if (!before.read_record(old)) continue;
     const auto run = std::ranges::find(plan.runs, old.name, &SweepRun::name);
     const bool has_same_goal = run == plan.runs.end() || run->goal_env_frames == old.goal_env_frames;
-    if (words_of(plan.file.search) != words_of(before.search()) ||
-        (plan.file.search.has_trials() && !has_same_goal))
+    if (is_another || (plan.file.search.has_trials() && !has_same_goal))
       return Error{ErrorCode::kBadInput,
                    plan.file.at(std::max(plan.file.search.line, 1)) +
                        "[search] has begun, and what it searches, how, and the length of its trials may not "
@@ -378,7 +378,7 @@ RunView SweepFolder::look(const SweepRun& run, const QueuedElements& queued) con
     view.env_frames = value_or<double>(*status, "env_frames", 0);
     view.env_frames_per_s = value_or<double>(*status, "env_frames_per_s", 0);
     view.score_mean = value_or<double>(*status, "J_mean", std::nan(""));
-    // Somebody may have brought it there by hand. A search counts what its elements have told.
+    // It may have been brought there by hand. A search counts what its elements have told.
     is_at_goal |= run.study.empty() && value_or<std::string>(*status, "state", "") == "finished" &&
                   view.env_frames >= run.goal_env_frames;
   }

@@ -4,11 +4,12 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "deploy/launch/progress.h"
 #include "rollout_buffer/core/score_text.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
@@ -40,10 +41,9 @@ std::string per_cent(const RunView& view) {
 std::string searched_text(const RunView& view) {
   std::string text;
   for (const auto& [setting, value] : view.record.settings) {
-    char* end = nullptr;
-    const double number = std::strtod(value.c_str(), &end);
+    const std::optional<double> number = read_real(value);
     char rounded[32] = "";
-    if (*end == '\0' && value.size() > 6) std::snprintf(rounded, sizeof rounded, "%.3g", number);
+    if (number && value.size() > 6) std::snprintf(rounded, sizeof rounded, "%.3g", *number);
     text += (text.empty() ? "" : " ") + setting + "=" + (*rounded == '\0' ? value : rounded);
   }
   return text;

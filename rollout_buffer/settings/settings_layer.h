@@ -8,12 +8,18 @@
 
 namespace comrad {
 
+/// Settings and their values, each once.
+using SettingValues = std::vector<std::pair<std::string, std::string>>;
+
+/// `values` with those of `over` in their place, or behind them.
+SettingValues with_settings(SettingValues values, const SettingValues& over);
+
 /// One layer of settings as `key = value` text pairs, in order; a later layer wins.
 struct SettingsLayer {
   std::string origin;  ///< named in messages: "command line", "run.toml", "scenario coop_health_gathering"
-  std::vector<std::pair<std::string, std::string>> values;
+  SettingValues values;
   /// Of a run's config.toml, where `values` hold what was worked out for that run: what had been asked for ("0", auto).
-  std::vector<std::pair<std::string, std::string>> asked_for = {};
+  SettingValues asked_for = {};
 };
 
 }  // namespace comrad

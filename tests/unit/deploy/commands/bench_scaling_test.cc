@@ -60,8 +60,8 @@ TEST(MeasureScaling, RefusesAPartThatIsNoBench) {
 }
 
 TEST(WithSettings, TheLaterOfTwoWins) {
-  const UserSettings user = with_settings({"", {"command line", {{"seed", "1"}, {"algo", "vdn"}}}},
-                                          {{"algo", "ippo"}, {"rollout", "8"}});
+  const UserSettings user = user_with({"", {"command line", {{"seed", "1"}, {"algo", "vdn"}}}},
+                                      {{"algo", "ippo"}, {"rollout", "8"}});
   EXPECT_THAT(user.typed.values, ElementsAre(Pair("seed", "1"), Pair("algo", "ippo"), Pair("rollout", "8")));
 }
 
