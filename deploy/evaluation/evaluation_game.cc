@@ -19,7 +19,8 @@ namespace comrad::deploy {
 namespace {
 
 /// Settings that change what a network sees or how long its actions last, and no tensor.
-constexpr const char* kFelt[] = {"scenario", "scenario_version", "env_frameskip", "render_size", "resize"};
+constexpr const char* kFelt[] = {"scenario",    "scenario_version", "env_frameskip",
+                                 "render_size", "renderer",         "resize"};
 
 /// Which maps are played, where no flag names a map or a pool.
 void choose_maps(const std::string& maps, RunConfig& config) {

@@ -159,7 +159,9 @@ std::string changed_settings_to_toml(const RunConfig& config) {
 Expected<RunConfig> load_run_config(const std::string& path) {
   COMRAD_TRY_ASSIGN(const SettingsLayer layer, read_settings_toml(path));
   RunConfig config;
-  config.environment.scenario_version = 1;  // of a run that is older than this setting
+  // Of a run that is older than these settings.
+  config.environment.scenario_version = 1;
+  config.environment.renderer = RendererKind::kOsmesa;
   COMRAD_TRY(apply_layer(config, layer));
   return config;
 }

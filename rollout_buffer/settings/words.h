@@ -44,6 +44,13 @@ struct Words<EvalMaps> {
   static constexpr std::array words = {"train", "held_out"};
 };
 
+/// What draws views: a painter of our own, or OpenGL on the CPU or by a driver.
+enum class RendererKind { kPainter, kOsmesa, kEgl };
+template <>
+struct Words<RendererKind> {
+  static constexpr std::array words = {"painter", "osmesa", "egl"};
+};
+
 /// How a drawn view becomes a frame.
 enum class Resize { kNone, kNearest, kArea };
 template <>

@@ -181,7 +181,8 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
 /// What draws the views of a game as its scenario says, at a size, with the art of its IWAD and of `wads`; the game's level
 /// is prepared. Errors: those of ArtArchive::open(), Renderer::create() and Renderer::prepare().
 Expected<std::unique_ptr<doom::Renderer>> make_renderer(const DoomGame& game,
-                                                        const std::vector<std::string>& wads, ViewSize size);
+                                                        const std::vector<std::string>& wads, ViewSize size,
+                                                        RendererKind kind = RendererKind::kPainter);
 
 /// Reads the scenario and its WAD: everything of a set but its renderer.
 /// Errors: kNotFound, kBadFormat, kBadInput as make_doom_environments().

@@ -6,10 +6,11 @@ namespace {
 
 Error bad_input(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
 
-doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize size) {
+doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize size, RendererKind kind) {
   doom::RenderOptions render;
   render.width = size.width;
   render.height = size.height;
+  render.renderer = kind;
   render.status_bar = spec.hud;
   render.crosshair = spec.crosshair;
   render.screen_flashes = spec.screen_flashes;
@@ -20,10 +21,11 @@ doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize
 }  // namespace
 
 Expected<std::unique_ptr<doom::Renderer>> make_renderer(const DoomGame& game,
-                                                        const std::vector<std::string>& wads, ViewSize size) {
+                                                        const std::vector<std::string>& wads, ViewSize size,
+                                                        RendererKind kind) {
   COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open(game.spec.iwad, wads));
   COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer,
-                    doom::Renderer::create(art, render_options(game.spec, size)));
+                    doom::Renderer::create(art, render_options(game.spec, size, kind)));
   COMRAD_TRY(renderer->prepare(game.level, game.catalog));
   return renderer;
 }
@@ -46,7 +48,7 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
   }
   // Layouts of one scenario bring the same pictures; those of a pool's last WAD win.
   COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer,
-                    make_renderer(*game, options.wads(), render_size));
+                    make_renderer(*game, options.wads(), render_size, options.renderer));
   return std::make_unique<DoomEnvironmentSet>(std::move(game), std::move(renderer), options.count,
                                               render_size, filter, std::move(library));
 }

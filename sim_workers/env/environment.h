@@ -89,6 +89,7 @@ struct EnvironmentOptions {
   bool use_measurements = false;
   bool use_global_state = false;  ///< the shape has one (global_state.h)
   std::string render_size = "128x72";
+  RendererKind renderer = RendererKind::kPainter;
   Resize resize = Resize::kNone;
   std::string reward = {};  ///< weights in place of the scenario's (the setting of that name)
   std::string heads = {};   ///< in place of the scenario's, likewise

@@ -40,7 +40,8 @@ Film::~Film() = default;
 Expected<std::unique_ptr<Film>> Film::create(const FilmOptions& options,
                                              const EnvironmentOptions& environments, const DoomGame& first) {
   std::unique_ptr<Film> film(new Film(options, FilmFrame(options.size, first.num_agents, buttons_of(first))));
-  COMRAD_TRY_ASSIGN(film->renderer_, make_renderer(first, environments.wads(), options.size));
+  COMRAD_TRY_ASSIGN(film->renderer_,
+                    make_renderer(first, environments.wads(), options.size, environments.renderer));
   film->views_.assign(static_cast<std::size_t>(first.num_agents),
                       std::vector<uint8_t>(std::size_t{3} * options.size.width * options.size.height));
   film->caption_.scenario = first.spec.name;

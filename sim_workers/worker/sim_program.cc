@@ -76,6 +76,7 @@ EnvironmentOptions environment_options(const RunConfig& config, const std::vecto
           .frame_skip = static_cast<int>(config.environment.env_frameskip),
           .use_measurements = config.environment.use_additional_input,
           .render_size = config.environment.render_size,
+          .renderer = config.environment.renderer,
           .resize = config.environment.resize,
           .reward = config.environment.reward,
           .heads = config.environment.heads,

@@ -29,7 +29,7 @@ mkdir -p "${build}/findings"
   flock 9
   if [[ ! -f "${build}/build.ninja" ]]; then
     cmake -S "${home}" -B "${build}" -G Ninja -DCMAKE_CXX_COMPILER="${clang}" -DCMAKE_C_COMPILER="${clang%++}" \
-      -DCOMRAD_FUZZ=ON \
+      -DCOMRAD_FUZZ=ON -DCOMRAD_GL=OFF \
       -DCOMRAD_PARTS="rollout_buffer;doomgen;scenarios;sim_workers" >"${build}/configure.log" 2>&1 ||
       { cat "${build}/configure.log"; exit 1; }
   fi

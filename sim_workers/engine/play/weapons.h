@@ -7,7 +7,7 @@
 
 namespace comrad::doom {
 
-constexpr Fixed kWeaponTop = to_fixed(32), kWeaponBottom = to_fixed(128);
+constexpr Fixed kWeaponTop = to_fixed(32) + 3 * kFracUnit / 8, kWeaponBottom = to_fixed(128);
 
 void set_weapon_state(World& world, int player, int layer, uint32_t state);
 /// Brings up the pending weapon, or the one that is ready, from below.

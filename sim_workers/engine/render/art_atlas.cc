@@ -32,7 +32,8 @@ ArtAtlas::ArtAtlas(std::shared_ptr<const ArtArchive> archive)
 }
 
 void ArtAtlas::clear() {
-  shelves_.clear(), walls_.clear(), flats_.clear(), sprite_of_lump_.clear(), sprites_.clear();
+  shelves_.clear(), columns_.clear(), walls_.clear(), flats_.clear(), sprite_of_lump_.clear(),
+      sprites_.clear();
   next_top_ = 0;
   IndexedImage nothing;  // address 0 is what an undrawn pixel shows: index 0, Doom's black
   nothing.width = nothing.height = 1;
@@ -75,6 +76,10 @@ Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
   region.address = static_cast<uint32_t>(top) * kAtlasWidth + static_cast<uint32_t>(left);
   region.width = static_cast<uint16_t>(image.width), region.height = static_cast<uint16_t>(image.height);
   region.masked = image.masked;
+  region.columns = static_cast<uint32_t>(columns_.size());
+  for (int x = 0; x < image.width; ++x)
+    for (int y = 0; y < image.height; ++y)
+      columns_.push_back(image.texels[static_cast<std::size_t>(y) * image.width + x]);
   return region;
 }
 

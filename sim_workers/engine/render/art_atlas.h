@@ -1,7 +1,6 @@
-// All texels that a renderer draws from, in one sheet of palette indices: walls, flats and sprites side by
-// side, so that everything draws with one texture bound. Filled when a level is registered and when a sprite
-// is first seen, read by the rasterizer (as a texture) and by the pass that turns texel addresses into
-// colours. Stage: render.
+// All texels that a renderer draws from, as palette indices: walls, flats and sprites. Once column by column, which the painter
+// steps along, and once in one sheet, which OpenGL has as a texture and the pass that turns texel addresses into colours reads.
+// Filled when a level is registered and when a sprite is first seen. Stage: render.
 #pragma once
 
 #include <array>
@@ -35,7 +34,8 @@ static_assert(kAtlasWidth * kAtlasHeightMax <= 1 << kAddressBits &&
 
 /// Where an image lies in the atlas.
 struct AtlasRegion {
-  uint32_t address = 0;  ///< of its top left texel
+  uint32_t address = 0;  ///< of its top left texel in the sheet
+  uint32_t columns = 0;  ///< of its first column in ArtAtlas::columns()
   uint16_t width = 1, height = 1;
   bool masked = false;
 };
@@ -73,6 +73,8 @@ class ArtAtlas {
   const std::vector<SpriteArt>& sprites() const { return sprites_; }
   const ArtArchive& archive() const { return *archive_; }
   const uint8_t* texels() const { return texels_.get(); }
+  /// The same images column by column, each from top to bottom and all of an image together.
+  const uint8_t* columns() const { return columns_.data(); }
   int height() const { return next_top_; }
   /// Rows that changed since the last call, [first, second); first >= second for none.
   std::pair<int, int> take_changes() { return std::exchange(changed_, {kAtlasHeightMax, 0}); }
@@ -90,6 +92,7 @@ class ArtAtlas {
   std::shared_ptr<const ArtArchive> archive_;
   std::unique_ptr<uint8_t, Free>
       texels_;  // the full size, so any address is inside; unused pages cost nothing
+  std::vector<uint8_t> columns_;
   std::vector<Shelf> shelves_;
   int next_top_ = 0;
   std::pair<int, int> changed_{kAtlasHeightMax, 0};

@@ -1,6 +1,6 @@
 // comrad-bench-render: how many agent views a second one core draws. Prints one JSON object.
 //   comrad-bench-render [--scene arena|room|walk] [--players N] [--no_pictures] [--seconds S] [--views N]
-//                       [--size WxH] [--steps] [--picture PREFIX] [--wad FILE --map NAME]
+//                       [--size WxH] [--renderer painter|osmesa] [--steps] [--picture PREFIX] [--wad FILE --map NAME]
 // arena (default): a star-shaped hall with pillars, kits and tether sprites, viewers spread over it.
 // room: one world of 2048 x 2048 units with 20 walking monsters; each decision is 4 tics and a view per
 // player. walk: a map of the IWAD (--map, default MAP01) along a walk of one player, which is played before
@@ -270,6 +270,9 @@ int run(int argc, char** argv) {
       scene = value();
     else if (flag == "--players")
       players = std::clamp(std::atoi(value()), 1, 8);
+    else if (flag == "--renderer")
+      options.renderer =
+          std::string_view(value()) == "osmesa" ? RendererKind::kOsmesa : RendererKind::kPainter;
     else if (flag == "--no_pictures")
       pictures = false;
     else if (flag == "--size" && std::sscanf(value(), "%dx%d", &options.width, &options.height) == 2)

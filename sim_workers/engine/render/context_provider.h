@@ -1,9 +1,8 @@
 // Where an OpenGL 3.3 core context without a window comes from: OSMesa (osmesa_context.h), or EGL without a
-// surface (egl_context.h) for Mesa versions that dropped OSMesa. Chosen by name at run time. Stage: render.
+// surface (egl_context.h) for Mesa versions that dropped OSMesa. Stage: render.
 #pragma once
 
 #include <memory>
-#include <string_view>
 
 #include "rollout_buffer/core/expected.h"
 
@@ -11,9 +10,6 @@ namespace comrad::doom {
 
 class ContextProvider {
  public:
-  /// Makes a context by provider name: osmesa, egl, or auto (OSMesa, and EGL where there is none). Errors:
-  /// kBadInput for an unknown name, kUnsupported when none can be had, with what to install.
-  static Expected<std::unique_ptr<ContextProvider>> create(std::string_view name);
   virtual ~ContextProvider() {
     if (current_ == this) current_ = nullptr;
   }

@@ -29,10 +29,10 @@ void label_subjects(const DrawList& list, std::span<const uint32_t> subjects, in
                     std::vector<ThingLabel>* things) {
   std::vector<ThingLabel> boxes = boxes_of(subjects, width, actors.size());
   std::vector<std::size_t> shown;  // from far to near
-  for (std::size_t at = std::size_t{4} * list.opaque_end; at < list.vertices.size(); at += 4) {
-    const auto subject = static_cast<std::size_t>(list.vertices[at].picture);
+  for (std::size_t at = list.opaque_end; at < list.strips.size(); ++at) {
+    const auto subject = static_cast<std::size_t>(list.strips[at].subject);
     if (subject < kFirstActor || subject >= boxes.size() || boxes[subject].right == 0) continue;
-    if (boxes[subject].actor_id != 0) continue;  // a thing may have come to several quads
+    if (boxes[subject].actor_id != 0) continue;  // a thing may have come to several strips
     boxes[subject].actor_id = actors[subject - kFirstActor].id;
     shown.push_back(subject);
   }

@@ -16,7 +16,7 @@ constexpr int kLabelledThingsMax = 253;              ///< there are as many valu
 
 /// Labels of one picture; see Renderer::draw_labels().
 ///   list      what was drawn, from far to near
-///   subjects  [rows, width], as Rasterizer::draw_subjects() read them
+///   subjects  [rows, width], as ViewDrawer::draw_subjects() wrote them
 ///   actors    the world's; own_id: the one that looks
 void label_subjects(const DrawList& list, std::span<const uint32_t> subjects, int width,
                     const StableList<Actor>& actors, uint32_t own_id, std::vector<uint8_t>* labels,

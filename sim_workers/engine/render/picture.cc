@@ -14,13 +14,7 @@ namespace {
 constexpr std::size_t kTablesKept = 512;
 
 /// `destination` is the pixel in the red plane.
-void blend_pixel(uint32_t word, const uint8_t* texels, const PictureColors& colors,
-                 std::span<const Blend> blends, std::size_t plane, uint8_t* destination) {
-  const std::size_t kind = word >> kTintShift;
-  if (kind >= blends.size()) return;
-  const Blend& blend = blends[kind];
-  const uint32_t color =
-      colors.colors[(word >> kAddressBits & (kLightRowCount - 1)) * 256 + texels[word & kAddressMask]];
+void blend_pixel(uint32_t color, const Blend& blend, std::size_t plane, uint8_t* destination) {
   const int alpha = blend.alpha;
   for (std::size_t channel = 0; channel < 3; ++channel) {
     uint8_t& pixel = destination[channel * plane];
@@ -68,7 +62,36 @@ void split_block(const std::array<uint32_t, kBlock>& colors, uint8_t* red, uint8
 #endif
 }
 
+/// Writes color_of(pixel), 0xBBGGRR, of all pixels as planar RGB.
+template <typename Pixel, typename ColorOf>
+void write_planes(std::span<const Pixel> pixels, const ColorOf& color_of, std::size_t plane,
+                  uint8_t* destination) {
+  uint8_t* red = destination;
+  uint8_t* green = destination + plane;
+  uint8_t* blue = destination + 2 * plane;
+  alignas(16) std::array<uint32_t, kBlock> block;
+  std::size_t i = 0;
+  for (; i + kBlock <= pixels.size(); i += kBlock) {
+    for (std::size_t k = 0; k < kBlock; ++k) block[k] = color_of(pixels[i + k]);
+    split_block(block, red + i, green + i, blue + i);
+  }
+  for (; i < pixels.size(); ++i) {
+    const uint32_t color = color_of(pixels[i]);
+    red[i] = static_cast<uint8_t>(color), green[i] = static_cast<uint8_t>(color >> 8);
+    blue[i] = static_cast<uint8_t>(color >> 16);
+  }
+}
+
 }  // namespace
+
+ColorTables::ColorTables(std::shared_ptr<const ArtArchive> archive) : archive_(std::move(archive)) {
+  for (int palette = 0; palette < kPaletteCount; ++palette)
+    for (std::size_t index = 0; index < 256; ++index) {
+      const ArtArchive::Color& color = archive_->palette(palette)[index];
+      palettes_[static_cast<std::size_t>(palette)][index] =
+          color[0] | static_cast<uint32_t>(color[1]) << 8 | static_cast<uint32_t>(color[2]) << 16;
+    }
+}
 
 /// What every index becomes under a coloured light, [row, index]: as in ZDoom the nearest colour that the
 /// palette has, the light falling off evenly instead of along COLORMAP.
@@ -89,6 +112,20 @@ const std::vector<uint8_t>& ColorTables::tinted_rows(uint32_t tint) {
   return tinted_rows_.emplace(tint, std::move(made)).first->second;
 }
 
+/// [row, index] of a tint; of one row where light makes no difference.
+const uint8_t* ColorTables::rows_of(Sight sight, uint32_t tint) {
+  if (sight == Sight::kInverse) return archive_->colormap(kInverseRow).data();
+  return tint == 0xFFFFFFu ? archive_->colormap(0).data() : tinted_rows(tint).data();
+}
+
+LightRows ColorTables::light_rows(Sight sight, std::span<const uint32_t> tints) {
+  if (tinted_rows_.size() > kTablesKept) tinted_rows_.clear();
+  LightRows light;
+  light.row_stride = sight == Sight::kPlain ? 256 : 0;
+  for (std::size_t i = 0; i < tints.size(); ++i) light.rows[i] = rows_of(sight, tints[i]);
+  return light;
+}
+
 const std::vector<uint32_t>& ColorTables::table(int palette, Sight sight, uint32_t tint) {
   const uint64_t key = tint | static_cast<uint64_t>(palette) << 24 | static_cast<uint64_t>(sight) << 32;
   const auto found = tables_.find(key);
@@ -102,8 +139,7 @@ const std::vector<uint32_t>& ColorTables::table(int palette, Sight sight, uint32
     for (std::size_t index = 0; index < 256; ++index) {
       const std::size_t lit = rows != nullptr ? (*rows)[static_cast<std::size_t>(shown) * 256 + index]
                                               : archive_->colormap(shown)[index];
-      const ArtArchive::Color& color = archive_->palette(palette)[lit];
-      made.push_back(color[0] | static_cast<uint32_t>(color[1]) << 8 | static_cast<uint32_t>(color[2]) << 16);
+      made.push_back(palettes_[static_cast<std::size_t>(palette)][lit]);
     }
   }
   return tables_.emplace(key, std::move(made)).first->second;
@@ -128,25 +164,20 @@ PictureColors ColorTables::select(int palette, Sight sight, std::span<const uint
 
 void convert(std::span<const uint32_t> words, const uint8_t* texels, const PictureColors& colors,
              std::size_t plane, uint8_t* destination) {
-  uint8_t* red = destination;
-  uint8_t* green = destination + plane;
-  uint8_t* blue = destination + 2 * plane;
   const uint32_t* table = colors.colors;
   const uint32_t row_mask = colors.row_mask << 8;
-  const auto color_of = [=](uint32_t word) {
-    return table[(word >> (kAddressBits - 8) & row_mask) | texels[word & kAddressMask]];
-  };
-  alignas(16) std::array<uint32_t, kBlock> block;
-  std::size_t i = 0;
-  for (; i + kBlock <= words.size(); i += kBlock) {
-    for (std::size_t k = 0; k < kBlock; ++k) block[k] = color_of(words[i + k]);
-    split_block(block, red + i, green + i, blue + i);
-  }
-  for (; i < words.size(); ++i) {
-    const uint32_t color = color_of(words[i]);
-    red[i] = static_cast<uint8_t>(color), green[i] = static_cast<uint8_t>(color >> 8);
-    blue[i] = static_cast<uint8_t>(color >> 16);
-  }
+  write_planes(
+      words,
+      [=](uint32_t word) {
+        return table[(word >> (kAddressBits - 8) & row_mask) | texels[word & kAddressMask]];
+      },
+      plane, destination);
+}
+
+void show_indices(std::span<const uint8_t> indices, const uint32_t* colors, std::size_t plane,
+                  uint8_t* destination) {
+  write_planes(
+      indices, [=](uint8_t index) { return colors[index]; }, plane, destination);
 }
 
 void blend_layer(std::span<const uint32_t> layer, const PixelBox& box, const uint8_t* texels,
@@ -156,10 +187,24 @@ void blend_layer(std::span<const uint32_t> layer, const PixelBox& box, const uin
   for (int row = box.top; row < box.bottom; ++row)
     for (int column = box.left; column < box.right; ++column) {
       const uint32_t word = layer[next++];
-      if (word != 0)
-        blend_pixel(word, texels, colors, blends, plane,
-                    destination + static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
-                        static_cast<std::size_t>(column));
+      if (word == 0 || word >> kTintShift >= blends.size()) continue;
+      const uint32_t color =
+          colors.colors[(word >> kAddressBits & (kLightRowCount - 1)) * 256 + texels[word & kAddressMask]];
+      blend_pixel(color, blends[word >> kTintShift], plane,
+                  destination + static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
+                      static_cast<std::size_t>(column));
+    }
+}
+
+void blend_indices(std::span<const uint8_t> indices, std::span<const uint8_t> blends_of, const PixelBox& box,
+                   const uint32_t* colors, std::span<const Blend> blends, int width, std::size_t plane,
+                   uint8_t* destination) {
+  for (int row = box.top; row < box.bottom; ++row)
+    for (int column = box.left; column < box.right; ++column) {
+      const std::size_t at =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column);
+      if (blends_of[at] != 0)
+        blend_pixel(colors[indices[at]], blends[blends_of[at] - 1u], plane, destination + at);
     }
 }
 

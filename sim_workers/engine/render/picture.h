@@ -1,4 +1,4 @@
-// From texel addresses and light rows to colours: the pass that ends a picture. Stage: render.
+// The pass that ends a picture: from palette indices, or from texel addresses and light rows, to colours. Stage: render.
 #pragma once
 
 #include <array>
@@ -10,6 +10,7 @@
 
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/draw_list.h"
+#include "sim_workers/engine/render/painter.h"
 
 namespace comrad::doom {
 
@@ -30,18 +31,22 @@ struct PictureColors {
 /// 0xBBGGRR. Tables are made when they are first asked for.
 class ColorTables {
  public:
-  explicit ColorTables(std::shared_ptr<const ArtArchive> archive) : archive_(std::move(archive)) {}
+  explicit ColorTables(std::shared_ptr<const ArtArchive> archive);
   /// The 256 unshaded colours of a palette.
-  const uint32_t* lit(int palette) { return table(palette, Sight::kPlain, 0xFFFFFFu).data(); }
+  const uint32_t* lit(int palette) { return palettes_[static_cast<std::size_t>(palette)].data(); }
   /// The colours of a picture with these tints (0xRRGGBB; the first is white). Good until the next call.
   PictureColors select(int palette, Sight sight, std::span<const uint32_t> tints);
+  /// The same in two steps, first what light makes of every index. Good until the next call.
+  LightRows light_rows(Sight sight, std::span<const uint32_t> tints);
 
  private:
   static constexpr std::size_t kTableSize = std::size_t{kLightRowCount} * 256;
   const std::vector<uint32_t>& table(int palette, Sight sight, uint32_t tint);
+  const uint8_t* rows_of(Sight sight, uint32_t tint);
   const std::vector<uint8_t>& tinted_rows(uint32_t tint);
 
   std::shared_ptr<const ArtArchive> archive_;
+  std::array<std::array<uint32_t, 256>, kPaletteCount> palettes_{};
   std::unordered_map<uint64_t, std::vector<uint32_t>> tables_;  // one [row, index] each
   std::unordered_map<uint32_t, std::vector<uint8_t>> tinted_rows_;
   std::vector<uint32_t> joined_;  // several tints side by side
@@ -54,6 +59,16 @@ class ColorTables {
 ///   colors   of ColorTables::select()
 void convert(std::span<const uint32_t> words, const uint8_t* texels, const PictureColors& colors,
              std::size_t plane, uint8_t* destination);
+
+/// Writes planar RGB: `destination` [3, plane], of which the first indices.size() pixels of each plane are set.
+///   colors  [256], of ColorTables::lit()
+void show_indices(std::span<const uint8_t> indices, const uint32_t* colors, std::size_t plane,
+                  uint8_t* destination);
+
+/// Blends the layer of a PaintedPicture over a picture `width` pixels wide, inside `box`.
+void blend_indices(std::span<const uint8_t> indices, std::span<const uint8_t> blends_of, const PixelBox& box,
+                   const uint32_t* colors, std::span<const Blend> blends, int width, std::size_t plane,
+                   uint8_t* destination);
 
 /// Blends the see-through layer over a picture `width` pixels wide; see TexelWord.
 ///   layer  [box.bottom - box.top, box.right - box.left]: blend << kTintShift | light row << kAddressBits |

@@ -293,13 +293,13 @@ void Rasterizer::draw_queued() {
   counts_.clear(), offsets_.clear(), bases_.clear();
 }
 
-void Rasterizer::upload(std::span<const DrawList* const> lists) {
+void Rasterizer::upload(std::span<const QuadList* const> lists) {
   bases_of_lists_.clear();
   std::size_t total = 0;
-  const auto used = [](const DrawList& list) {
+  const auto used = [](const QuadList& list) {
     return std::min<std::size_t>(list.vertices.size(), std::size_t{4} * kQuadsMax);
   };
-  for (const DrawList* list : lists) {
+  for (const QuadList* list : lists) {
     bases_of_lists_.push_back(static_cast<GLint>(total));
     total += used(*list);
   }
@@ -314,20 +314,20 @@ void Rasterizer::upload(std::span<const DrawList* const> lists) {
 }
 
 /// Walls, floors, sky.
-void Rasterizer::draw_opaque(std::span<const DrawList* const> lists, GLuint program) {
+void Rasterizer::draw_opaque(std::span<const QuadList* const> lists, GLuint program) {
   gl_.UseProgram(program);
   for (std::size_t i = 0; i < lists.size(); ++i) queue(i, 0, lists[i]->opaque_end);
   draw_queued();
 }
 
 /// Sprites and gratings: the lists' stretches of the same kind together.
-void Rasterizer::draw_masked(std::span<const DrawList* const> lists, bool layered) {
+void Rasterizer::draw_masked(std::span<const QuadList* const> lists, bool layered) {
   gl_.UseProgram(masked_program_);
   next_runs_.assign(lists.size(), 0);
   for (bool blended = false, any = true; any; blended = !blended) {
     any = false;
     for (std::size_t i = 0; i < lists.size(); ++i) {
-      const std::vector<DrawList::Run>& runs = lists[i]->masked_runs;
+      const std::vector<QuadList::Run>& runs = lists[i]->masked_runs;
       std::size_t& next = next_runs_[i];
       if (next == runs.size()) continue;
       any = true;
@@ -345,7 +345,7 @@ void Rasterizer::draw_masked(std::span<const DrawList* const> lists, bool layere
   }
 }
 
-void Rasterizer::draw(std::span<const DrawList* const> lists) {
+void Rasterizer::draw(std::span<const QuadList* const> lists) {
   const bool layered = !lists.empty() && lists.front()->has_blended;
   COMRAD_CHECK(lists.size() <= static_cast<std::size_t>(capacity_), "as many pictures as a pass takes");
   const Expected<const Target*> found = target(static_cast<int>(lists.size()), layered);
@@ -379,9 +379,9 @@ void Rasterizer::read_layer(std::size_t place, const PixelBox& box, TexelWord* l
 }
 
 /// One picture by shaders that measure: 32 bits a pixel.
-void Rasterizer::draw_measured(const DrawList& list, GLuint opaque_program, GLuint masked_program,
+void Rasterizer::draw_measured(const QuadList& list, GLuint opaque_program, GLuint masked_program,
                                void* words) {
-  const DrawList* const lists[] = {&list};
+  const QuadList* const lists[] = {&list};
   const Expected<const Target*> found = target(1, false);
   COMRAD_CHECK(found.has_value(), "made in set_up()");
   drawn_ = *found;
@@ -391,13 +391,13 @@ void Rasterizer::draw_measured(const DrawList& list, GLuint opaque_program, GLui
   gl_.ClearBufferuiv(GL_COLOR, 0, nothing);
   draw_opaque(lists, opaque_program);
   gl_.UseProgram(masked_program);
-  queue(0, list.opaque_end, list.masked_end);
+  queue(0, list.opaque_end, list.quad_count());
   draw_queued();
   gl_.BindFramebuffer(GL_READ_FRAMEBUFFER, drawn_->readers[0]);
   gl_.ReadPixels(0, 0, width_, rows_, GL_RED_INTEGER, GL_UNSIGNED_INT, words);
 }
 
-void Rasterizer::draw_depth(const DrawList& list, float* depth) {
+void Rasterizer::draw_depth(const QuadList& list, float* depth) {
   if (opaque_depth_program_ == 0) {
     const Expected<GLuint> opaque = link(kOpaqueDepthSource), masked = link(kMaskedDepthSource);
     COMRAD_CHECK(opaque && masked, "OpenGL compiles the depth shaders as it does the others");
@@ -409,7 +409,7 @@ void Rasterizer::draw_depth(const DrawList& list, float* depth) {
     depth[i] = depth[i] > 0 && depth[i] < 0.999f ? 1.0f / depth[i] : 0.0f;
 }
 
-void Rasterizer::draw_subjects(const DrawList& list, uint32_t* subjects) {
+void Rasterizer::draw_subjects(const QuadList& list, uint32_t* subjects) {
   if (opaque_subject_program_ == 0) {
     const Expected<GLuint> opaque = link(kOpaqueSubjectSource), masked = link(kMaskedSubjectSource);
     COMRAD_CHECK(opaque && masked, "OpenGL compiles the subject shaders as it does the others");

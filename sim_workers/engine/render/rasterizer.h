@@ -13,8 +13,8 @@
 #include "rollout_buffer/core/expected.h"
 #include "sim_workers/engine/render/art_atlas.h"
 #include "sim_workers/engine/render/context_provider.h"
-#include "sim_workers/engine/render/draw_list.h"
 #include "sim_workers/engine/render/gl_functions.h"
+#include "sim_workers/engine/render/strip_quads.h"
 
 namespace comrad::doom {
 
@@ -32,15 +32,15 @@ class Rasterizer {
   /// Makes the texture equal to the atlas if that changed.
   void update_atlas(ArtAtlas* atlas);
   /// Draws pictures, all with blended quads or all without.
-  void draw(std::span<const DrawList* const> lists);
+  void draw(std::span<const QuadList* const> lists);
   /// The picture at a place of the last draw(): `words` [rows, width], top row first.
   void read(std::size_t place, TexelWord* words);
   /// A box of its layer of blended texels: `layer` [bottom - top, right - left].
   void read_layer(std::size_t place, const PixelBox& box, TexelWord* layer);
   /// One picture as depths [rows, width], map units; 0 where nothing but sky is.
-  void draw_depth(const DrawList& list, float* depth);
+  void draw_depth(const QuadList& list, float* depth);
   /// What each pixel of one picture is of: `subjects` [rows, width], as Subject counts; walls where nothing is.
-  void draw_subjects(const DrawList& list, uint32_t* subjects);
+  void draw_subjects(const QuadList& list, uint32_t* subjects);
   unsigned driver_error() const { return gl_.GetError(); }
   void make_current() { (void)context_->make_current(); }
 
@@ -62,10 +62,10 @@ class Rasterizer {
   Expected<const Target*> target(int pictures, bool blended);
   void queue(std::size_t list, uint32_t begin, uint32_t end);
   void draw_queued();
-  void upload(std::span<const DrawList* const> lists);
-  void draw_opaque(std::span<const DrawList* const> lists, GLuint program);
-  void draw_measured(const DrawList& list, GLuint opaque_program, GLuint masked_program, void* words);
-  void draw_masked(std::span<const DrawList* const> lists, bool layered);
+  void upload(std::span<const QuadList* const> lists);
+  void draw_opaque(std::span<const QuadList* const> lists, GLuint program);
+  void draw_measured(const QuadList& list, GLuint opaque_program, GLuint masked_program, void* words);
+  void draw_masked(std::span<const QuadList* const> lists, bool layered);
 
   std::unique_ptr<ContextProvider> context_;
   GlFunctions gl_;
@@ -75,7 +75,7 @@ class Rasterizer {
   GLuint opaque_program_ = 0, masked_program_ = 0;
   GLuint opaque_depth_program_ = 0, masked_depth_program_ = 0;  // linked when they are first used
   GLuint opaque_subject_program_ = 0, masked_subject_program_ = 0;
-  DrawList shaded_by_subject_;
+  QuadList shaded_by_subject_;
   GLint layer_uniform_ = -1;
   std::array<std::array<Target, 5>, 2> targets_;  // [blended, log2 of the pictures]
   const Target* drawn_ = nullptr;

@@ -11,14 +11,13 @@
 #include "rollout_buffer/core/log.h"
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/art_atlas.h"
-#include "sim_workers/engine/render/context_provider.h"
 #include "sim_workers/engine/render/hud_text.h"
 #include "sim_workers/engine/render/labels.h"
 #include "sim_workers/engine/render/overlay.h"
 #include "sim_workers/engine/render/picture.h"
-#include "sim_workers/engine/render/rasterizer.h"
 #include "sim_workers/engine/render/scene.h"
 #include "sim_workers/engine/render/view_builder.h"
+#include "sim_workers/engine/render/view_drawer.h"
 
 namespace comrad::doom {
 namespace {
@@ -26,20 +25,22 @@ namespace {
 constexpr int kSizeMax = 4096;
 constexpr std::size_t kScenesKept = 64;  // levels remembered; more layouts than that come and go
 
-class QuadRenderer : public Renderer {
+class StripRenderer : public Renderer {
  public:
-  QuadRenderer(std::shared_ptr<const ArtArchive> art, const RenderOptions& options,
-               std::unique_ptr<Rasterizer> rasterizer, std::optional<StatusBar> bar)
+  StripRenderer(std::shared_ptr<const ArtArchive> art, const RenderOptions& options,
+                std::optional<StatusBar> bar)
       : options_(options),
         projection_(make_projection(options)),
         atlas_(art),
-        rasterizer_(std::move(rasterizer)),
         builder_(projection_, &atlas_),
         overlay_(std::move(bar), options.width, options.height, projection_.rows),
         text_(art, options.width, options.height, projection_.rows, options.screen_aspect),
-        colors_(art),
-        words_(static_cast<std::size_t>(projection_.width) * static_cast<std::size_t>(projection_.rows)),
-        layer_(words_.size()) {}
+        colors_(art) {}
+
+  Status set_up() {
+    COMRAD_TRY_ASSIGN(drawer_, ViewDrawer::create(options_, projection_, &atlas_, &colors_));
+    return {};
+  }
 
   Status prepare(std::shared_ptr<const Level> level, std::shared_ptr<const ActorCatalog> catalog) override {
     if (!scenes_.contains(level.get())) {
@@ -50,44 +51,29 @@ class QuadRenderer : public Renderer {
   }
 
   void draw(std::span<const ViewRequest> views) override {
-    rasterizer_->make_current();
-    const auto capacity = static_cast<std::size_t>(rasterizer_->capacity());
+    const std::size_t capacity = drawer_->capacity();
     for (std::size_t begin = 0; begin < views.size(); begin += capacity)
       draw_pass(views.subspan(begin, std::min(capacity, views.size() - begin)));
   }
 
-  int undrawn_pixels() const override {
-    return static_cast<int>(std::count(words_.begin(), words_.end(), TexelWord{0}));
-  }
-
-  unsigned driver_error() override {
-    rasterizer_->make_current();
-    return rasterizer_->driver_error();
-  }
+  int undrawn_pixels() override { return drawer_->undrawn_pixels(); }
+  unsigned driver_error() override { return drawer_->driver_error(); }
 
   int draw_depth(const World& world, int player, std::vector<float>* depth) override {
-    rasterizer_->make_current();
     SceneView view = view_of(world, player);
     view.hand = {};
-    lists_.resize(std::max<std::size_t>(lists_.size(), 1));
-    builder_.build(view, &lists_[0]);
-    rasterizer_->update_atlas(&atlas_);
-    depth->resize(words_.size());
-    rasterizer_->draw_depth(lists_[0], depth->data());
+    depth->resize(pixels());
+    drawer_->draw_depth(build_one(view), depth->data());
     return projection_.rows;
   }
 
   int draw_labels(const World& world, int player, std::vector<uint8_t>* labels,
                   std::vector<ThingLabel>* things) override {
-    rasterizer_->make_current();
     const SceneView view = view_of(world, player);
-    lists_.resize(std::max<std::size_t>(lists_.size(), 1));
-    builder_.build(view, &lists_[0]);
-    rasterizer_->update_atlas(&atlas_);
-    layer_.resize(words_.size());
-    rasterizer_->draw_subjects(lists_[0], layer_.data());
-    label_subjects(lists_[0], layer_, projection_.width, world.actors(), view.hidden_actor_id, labels,
-                   things);
+    subjects_.resize(pixels());
+    const DrawList& list = build_one(view);
+    drawer_->draw_subjects(list, subjects_.data());
+    label_subjects(list, subjects_, projection_.width, world.actors(), view.hidden_actor_id, labels, things);
     return projection_.rows;
   }
 
@@ -155,7 +141,17 @@ class QuadRenderer : public Renderer {
     return view;
   }
 
-  /// As many views as one pass of the rasterizer takes.
+  std::size_t pixels() const {
+    return static_cast<std::size_t>(projection_.width) * static_cast<std::size_t>(projection_.rows);
+  }
+
+  const DrawList& build_one(const SceneView& view) {
+    lists_.resize(std::max<std::size_t>(lists_.size(), 1));
+    builder_.build(view, &lists_[0]);
+    return lists_[0];
+  }
+
+  /// As many views as the drawer takes at once.
   void draw_pass(std::span<const ViewRequest> views) {
     lists_.resize(std::max(lists_.size(), views.size()));
     bool atlas_full = false;
@@ -171,14 +167,13 @@ class QuadRenderer : public Renderer {
       builder_.build(view, &lists_[i]);
       atlas_full |= view.sprites->atlas_full();
     }
-    rasterizer_->update_atlas(&atlas_);
     for (const bool blended : {false, true}) {
       drawn_together_.clear(), requests_.clear();
       for (std::size_t i = 0; i < views.size(); ++i)
         if (lists_[i].has_blended == blended)
           drawn_together_.push_back(&lists_[i]), requests_.push_back(views[i]);
       if (drawn_together_.empty()) continue;
-      rasterizer_->draw(drawn_together_);
+      drawer_->draw(drawn_together_);
       for (std::size_t i = 0; i < requests_.size(); ++i) finish(requests_[i], i);
     }
     if (atlas_full) forget_art();
@@ -186,21 +181,10 @@ class QuadRenderer : public Renderer {
 
   /// Colours of the picture that was drawn at a place of drawn_together_, and what lies over the view.
   void finish(const ViewRequest& request, std::size_t place) {
-    const DrawList& list = *drawn_together_[place];
     const World& world = *request.world;
     const Player& player = world.player(request.player);
-    rasterizer_->read(place, words_.data());
     const int palette = options_.screen_flashes ? screen_palette(player) : 0;
-    const std::size_t plane =
-        static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
-    const PictureColors colors =
-        colors_.select(palette, player_sight(player), std::span(list.tints).first(list.tint_count));
-    convert(words_, atlas_.texels(), colors, plane, request.destination);
-    if (list.has_blended) {
-      rasterizer_->read_layer(place, list.blended_box, layer_.data());
-      blend_layer(layer_, list.blended_box, atlas_.texels(), colors,
-                  std::span(list.blends).first(list.blend_count), options_.width, plane, request.destination);
-    }
+    drawer_->finish(place, palette, player_sight(player), request.destination);
     const uint32_t* lit = colors_.lit(palette);
     if (options_.crosshair && world.options().crosshair)
       overlay_.draw_crosshair(player.health, palette, lit, request.destination);
@@ -246,15 +230,15 @@ class QuadRenderer : public Renderer {
   Projection projection_;
   ArtAtlas atlas_;
   int times_art_forgotten_ = 0;
-  std::unique_ptr<Rasterizer> rasterizer_;
   ViewBuilder builder_;
   Overlay overlay_;
   HudText text_;
   ColorTables colors_;
+  std::unique_ptr<ViewDrawer> drawer_;
   std::vector<DrawList> lists_;
   std::vector<const DrawList*> drawn_together_;
   std::vector<ViewRequest> requests_;  // [place in drawn_together_]
-  std::vector<TexelWord> words_, layer_;
+  std::vector<uint32_t> subjects_;
   std::array<HandSprite, 2> hand_;
   // Scenes and tables keep their level and catalog alive, so an address is never that of a newer one.
   std::unordered_map<const Level*, std::unique_ptr<Scene>> scenes_;
@@ -265,10 +249,10 @@ class QuadRenderer : public Renderer {
 
 Expected<std::unique_ptr<Renderer>> Renderer::create(std::shared_ptr<const ArtArchive> art,
                                                      const RenderOptions& options) {
-  if (options.width < 8 || options.height < 8 || options.width > kSizeMax || options.height > kSizeMax)
+  if (options.width < 1 || options.height < 1 || options.width > kSizeMax || options.height > kSizeMax)
     return Error{ErrorCode::kBadInput, "render size " + std::to_string(options.width) + "x" +
                                            std::to_string(options.height) +
-                                           ": each side must be 8 to 4096 pixels"};
+                                           ": each side must be 1 to 4096 pixels"};
   if (!(options.fov_degrees >= 5 && options.fov_degrees <= 170) || !(options.screen_aspect > 0.1))
     return Error{ErrorCode::kBadInput,
                  "field of view must be 5 to 170 degrees and the screen aspect positive"};
@@ -276,12 +260,9 @@ Expected<std::unique_ptr<Renderer>> Renderer::create(std::shared_ptr<const ArtAr
   if (options.status_bar) {
     COMRAD_TRY_ASSIGN(bar, StatusBar::create(*art));
   }
-  COMRAD_TRY_ASSIGN(std::unique_ptr<ContextProvider> context, ContextProvider::create(options.provider));
-  const Projection projection = make_projection(options);
-  COMRAD_TRY_ASSIGN(std::unique_ptr<Rasterizer> rasterizer,
-                    Rasterizer::create(std::move(context), projection.width, projection.rows));
-  return std::unique_ptr<Renderer>(
-      std::make_unique<QuadRenderer>(std::move(art), options, std::move(rasterizer), std::move(bar)));
+  auto renderer = std::make_unique<StripRenderer>(std::move(art), options, std::move(bar));
+  COMRAD_TRY(renderer->set_up());
+  return std::unique_ptr<Renderer>(std::move(renderer));
 }
 
 }  // namespace comrad::doom

@@ -1,5 +1,4 @@
-// Draws players' views of worlds with OpenGL 3.3 core through an offscreen context, straight into the
-// caller's memory as planar RGB. One renderer per thread; it serves every world of its Level set. Stage:
+// Draws players' views of worlds, by a painter of our own or with OpenGL, straight into the caller's memory as planar RGB. One renderer per thread; it serves every world of its Level set. Stage:
 // render.
 #pragma once
 
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/words.h"
 #include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
@@ -24,8 +24,8 @@ struct RenderOptions {
   bool weapon = true;      ///< the weapon in hand
   bool crosshair = true;
   bool screen_flashes = true;
-  bool hud_text = true;             ///< what scripts put into the frame
-  std::string provider = "osmesa";  ///< context provider: osmesa, egl or auto
+  bool hud_text = true;  ///< what scripts put into the frame
+  RendererKind renderer = RendererKind::kPainter;
 };
 
 /// One view to draw: `player` of `world` into `destination` [3, height, width] u8, planar RGB.
@@ -42,8 +42,7 @@ struct ThingLabel {
   int left = 0, top = 0, right = 0, bottom = 0;  ///< its pixels lie in [left, right) x [top, bottom)
 };
 
-/// Errors of create: kUnsupported when no context can be had (with what to install), kNotFound for
-/// missing art.
+/// Errors of create: kUnsupported when no OpenGL can be had (with what to install), kNotFound for missing art.
 class Renderer {
  public:
   static Expected<std::unique_ptr<Renderer>> create(std::shared_ptr<const ArtArchive> art,
@@ -57,7 +56,7 @@ class Renderer {
   /// Draws all views; several at once cost less than one by one. Worlds may differ in level.
   virtual void draw(std::span<const ViewRequest> views) = 0;
   /// Pixels of the view drawn last that nothing covered; a level without holes leaves none. For tests.
-  virtual int undrawn_pixels() const = 0;
+  virtual int undrawn_pixels() = 0;
   /// What the driver complained of since the last call (a GL error code; 0: nothing). For tests.
   virtual unsigned driver_error() = 0;
   /// How far away what a view shows is, without overlays: `depth` [rows above the status bar, width] f32, map

@@ -8,9 +8,50 @@ namespace {
 
 constexpr float kSpriteNearDepth = 4.0f;  // as in Doom: nearer things are not drawn
 
-/// A place in a sprite's picture from 0 to 1, kept a hair inside so that rounding never wraps it to the
-/// other edge.
-float inside(float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); }
+Fixed fixed_of(double at) { return static_cast<Fixed>(std::clamp(at, -32767.0, 32767.0) * kFracUnit); }
+
+/// Calls run(begin, end, top, bottom) for the runs of columns of [begin, end) in which the lower of two upper edges and the
+/// higher of two lower ones are the same.
+template <typename Run>
+void cut_by_edges(int begin, int end, const ColumnLine (&tops)[2], const ColumnLine (&bottoms)[2],
+                  const Run& run) {
+  struct Cut {
+    bool top, bottom;
+    bool operator==(const Cut&) const = default;
+  };
+  const auto cut_at = [&](int column) {
+    const auto at = static_cast<float>(column);
+    return Cut{tops[1].at(at) > tops[0].at(at), bottoms[1].at(at) < bottoms[0].at(at)};
+  };
+  while (begin < end) {
+    const Cut cut = cut_at(begin);
+    int next = begin + 1;
+    while (next < end && cut_at(next) == cut) ++next;
+    run(begin, next, tops[cut.top ? 1 : 0], bottoms[cut.bottom ? 1 : 0]);
+    begin = next;
+  }
+}
+
+/// A picture in the columns from x_left to x_right, in rows from y_top on: as ViZDoom does it, whole columns, each of as many
+/// texels in 16.16.
+Strip picture_strip(const AtlasRegion& region, bool mirrored, float x_left, float x_right, float y_top,
+                    float y_bottom, int width) {
+  Strip strip;
+  strip.kind = Strip::Kind::kPicture;
+  strip.masked = true;
+  strip.region = region;
+  const int begin = static_cast<int>(std::floor(std::clamp(x_left, -65536.0f, 65536.0f)));
+  const int end = static_cast<int>(std::floor(std::clamp(x_right, -65536.0f, 65536.0f)));
+  strip.column_begin = std::max(0, begin), strip.column_end = std::min(width, end);
+  if (begin >= end) return strip;
+  strip.u_step = (static_cast<int32_t>(region.width) << 16) / (end - begin);
+  strip.u_begin = strip.u_step * (strip.column_begin - begin);
+  if (mirrored)
+    strip.u_begin = (static_cast<int32_t>(region.width) << 16) - 1 - strip.u_begin,
+    strip.u_step = -strip.u_step;
+  strip.top.at_zero = y_top, strip.bottom.at_zero = y_bottom;
+  return strip;
+}
 
 }  // namespace
 
@@ -18,13 +59,11 @@ void Sprites::emit() {
   masked_.clear();
   collect_sprites();
   collect_gratings();
-  std::stable_sort(masked_.begin(), masked_.end(),
-                   [](const Masked& a, const Masked& b) { return a.inverse < b.inverse; });
+  order_.clear();
+  for (uint32_t i = 0; i < masked_.size(); ++i) order_.emplace_back(masked_[i].inverse, i);
+  std::ranges::sort(order_);
   emit_masked();
   emit_hand();
-  DrawList& list = *frame_.list;
-  if (!list.masked_runs.empty()) list.masked_runs.back().end = list.quad_count();
-  list.masked_end = list.quad_count();
 }
 
 void Sprites::collect_sprites() {
@@ -37,7 +76,7 @@ void Sprites::collect_sprites() {
     if (actor.sector_index >= view.sectors.size() || !visibility_.reaches(actor.sector_index)) continue;
     if (const std::optional<Masked> sprite = place_sprite(actor)) {
       masked_.push_back(*sprite);
-      masked_.back().subject = kFirstActor + static_cast<int32_t>(slot);
+      masked_.back().strip.subject = kFirstActor + static_cast<int32_t>(slot);
     }
   }
 }
@@ -56,42 +95,44 @@ std::optional<Sprites::Masked> Sprites::place_sprite(const Actor& actor) {
   std::size_t rotation = 0;
   if (sides->rotates)
     rotation = static_cast<std::size_t>(sprite_side(
-        static_cast<Angle>(static_cast<int64_t>(std::atan2(dy, dx) * (4294967296.0 / 6.283185307179586))),
-        actor.angle));
+        angle_to(fixed_of(frame_.view->eye_x), fixed_of(frame_.view->eye_y), actor.x, actor.y), actor.angle));
   if (!sides->art[rotation]) return std::nullopt;
   const SpriteArt& art = frame_.atlas->sprites()[*sides->art[rotation]];
   Masked sprite;
-  sprite.region = art.region, sprite.mirrored = sides->mirrored[rotation];
   sprite.inverse = 1.0f / depth;
   const float unit_x = projection.focal_x * sprite.inverse * actor.scale_x,
               unit_y = projection.focal_y * sprite.inverse * actor.scale_y;
   if (!(unit_x > 0) || !(unit_y > 0)) return std::nullopt;
+  const bool mirrored = sides->mirrored[rotation];
   const auto width = static_cast<float>(art.region.width);
   // A mirrored picture hangs on the other side of its point.
   const auto left_offset =
-      sprite.mirrored ? width - static_cast<float>(art.left_offset) : static_cast<float>(art.left_offset);
-  sprite.x_left =
-      snap(projection.center_x + side * projection.focal_x * sprite.inverse - left_offset * unit_x);
-  sprite.x_right = snap(sprite.x_left + width * unit_x);
-  sprite.column_begin = std::max(0, first_column(std::clamp(sprite.x_left, -1.0f, 65536.0f)));
-  sprite.column_end = std::min(projection.width, first_column(std::clamp(sprite.x_right, -1.0f, 65536.0f)));
-  if (sprite.column_begin >= sprite.column_end) return std::nullopt;
-  sprite.y_top = frame_.center_y - (to_float(actor.z) - frame_.eye_z) * projection.focal_y * sprite.inverse -
-                 static_cast<float>(art.top_offset) * unit_y;
-  sprite.y_bottom = sprite.y_top + static_cast<float>(art.region.height) * unit_y;
-  if (sprite.y_bottom <= 0 || sprite.y_top >= frame_.rows()) return std::nullopt;
+      mirrored ? width - static_cast<float>(art.left_offset) : static_cast<float>(art.left_offset);
+  const float x_left =
+      projection.center_x + side * projection.focal_x * sprite.inverse - left_offset * unit_x;
+  const float y_top = frame_.center_y -
+                      (to_float(actor.z) - frame_.eye_z) * projection.focal_y * sprite.inverse -
+                      static_cast<float>(art.top_offset) * unit_y;
+  const float y_bottom = y_top + static_cast<float>(art.region.height) * unit_y;
+  if (y_bottom <= 0 || y_top >= frame_.rows()) return std::nullopt;
+  Strip& strip = sprite.strip =
+      picture_strip(art.region, mirrored, x_left, x_left + width * unit_x, y_top, y_bottom, projection.width);
+  if (strip.column_begin >= strip.column_end) return std::nullopt;
+  strip.inverse.at_zero = strip.light.at_zero = sprite.inverse;
+  strip.v_horizon = (to_float(actor.z) - frame_.eye_z) / actor.scale_y + static_cast<float>(art.top_offset);
+  strip.v_step = 1.0f / (projection.focal_y * actor.scale_y);
   bool seen = false;
-  for (int column = sprite.column_begin; column < sprite.column_end && !seen; ++column)
+  for (int column = strip.column_begin; column < strip.column_end && !seen; ++column)
     seen = sprite.inverse > visibility_.column(column).inverse;
   if (!seen) return std::nullopt;
-  const std::optional<Paint> paint = frame_.paint(actor.render_style, actor.alpha);
+  const SectorNow& now = frame_.sector(actor.sector_index);
+  const std::optional<Paint> paint = frame_.paint(actor.render_style, actor.alpha, now.tint);
   if (!paint) return std::nullopt;
   const ActorCatalog& catalog = frame_.view->sprites->catalog();
   const bool bright = actor.has(ActorFlag::kBright) ||
                       (actor.state < catalog.state_count() && catalog.state(actor.state).bright);
-  const SectorNow& now = frame_.sector(actor.sector_index);
-  sprite.shade = bright ? 0 : now.shade;
-  sprite.paint = *paint, sprite.mark = paint->mark(now.tint);
+  strip.shade = bright ? 0 : now.shade;
+  strip.paint = *paint;
   return sprite;
 }
 
@@ -101,35 +142,49 @@ void Sprites::collect_gratings() {
     const SceneLine& line = frame_.scene->lines[span.line];
     if (!line.two_sided || !visibility_.near_side(span).middle.present) continue;
     const float set = span.line < frame_.view->lines.size() ? frame_.view->lines[span.line].alpha : -1.0f;
+    const SectorNow& now = frame_.sector(span.near_sector);
+    const SectorNow& beyond = frame_.sector(span.far_sector);
     const std::optional<Paint> paint = frame_.paint(
-        line.additive ? RenderStyle::kAdd : RenderStyle::kTranslucent, set >= 0 ? set : line.alpha);
+        line.additive ? RenderStyle::kAdd : RenderStyle::kTranslucent, set >= 0 ? set : line.alpha, now.tint);
     if (!paint) continue;
+    const SceneSide& near = visibility_.near_side(span);
+    const float opening_top = std::min(now.ceiling, beyond.ceiling);
+    const float opening_bottom = std::max(now.floor, beyond.floor);
+    const float height = static_cast<float>(near.middle.region.height) / near.middle.scale_y;
+    // The offset moves the picture itself, not what it shows.
+    ScenePart part = near.middle;
+    float texture_top =
+        (line.lower_unpegged ? opening_bottom + height : opening_top) + part.offset_y / part.scale_y;
+    part.offset_y = 0;
+    const std::span<const SideState> sides = frame_.view->sides;
+    if (near.sidedef < sides.size() && !line.wraps_middle)
+      texture_top += to_float(sides[near.sidedef].scroll_y) / part.scale_y;
     Masked grating;
-    grating.grating = &span, grating.own_span = index, grating.paint = *paint;
-    grating.inverse = span.inverse_at(0.5f * static_cast<float>(span.column_begin + span.column_end));
-    grating.column_begin = span.column_begin, grating.column_end = span.column_end;
+    grating.grating = &span, grating.own_span = index;
+    grating.inverse = span.inverse.at(0.5f * static_cast<float>(span.column_begin + span.column_end));
+    grating.strip = surfaces_.textured(span, texture_top, part, near);
+    grating.strip.masked = true;
+    grating.strip.paint = *paint;
+    grating.strip.column_begin = span.column_begin, grating.strip.column_end = span.column_end;
+    grating.strip.top =
+        surfaces_.line_at(span, line.wraps_middle ? opening_top : std::min(opening_top, texture_top));
+    grating.strip.bottom = surfaces_.line_at(
+        span, line.wraps_middle ? opening_bottom : std::max(opening_bottom, texture_top - height));
     masked_.push_back(grating);
   }
 }
 
-/// Quads from here on are opaque or blended.
-void Sprites::begin_masked(bool blended) {
-  std::vector<DrawList::Run>& runs = frame_.list->masked_runs;
-  if (!runs.empty() && runs.back().blended == blended) return;
-  if (!runs.empty()) runs.back().end = frame_.list->quad_count();
-  runs.push_back({.end = frame_.list->quad_count(), .blended = blended});
-  frame_.list->has_blended |= blended;
-}
-
-/// Blended quads lie in this part of the picture, given in pixels.
-void Sprites::cover_blended(float left, float top, float right, float bottom) {
-  const float rows = frame_.rows();
-  const auto columns = static_cast<float>(frame_.projection.width);
-  const PixelBox box{static_cast<int>(std::floor(std::clamp(left, 0.0f, columns))),
-                     static_cast<int>(std::floor(std::clamp(top, 0.0f, rows))),
-                     static_cast<int>(std::ceil(std::clamp(right, 0.0f, columns))),
-                     static_cast<int>(std::ceil(std::clamp(bottom, 0.0f, rows)))};
+/// Blended texels lie in this part of the picture.
+void Sprites::cover_blended(const Strip& strip) {
+  const int rows = frame_.projection.rows;
+  const auto first = static_cast<float>(strip.column_begin), last = static_cast<float>(strip.column_end - 1);
+  const auto clamped = [&](float row) {
+    return std::clamp(row_below(std::clamp(row, -8.0f, rows + 8.0f)), 0, rows);
+  };
+  const PixelBox box{strip.column_begin, clamped(std::min(strip.top.at(first), strip.top.at(last))),
+                     strip.column_end, clamped(std::max(strip.bottom.at(first), strip.bottom.at(last)))};
   PixelBox& all = frame_.list->blended_box;
+  if (box.right <= box.left || box.bottom <= box.top) return;
   if (all.right <= all.left || all.bottom <= all.top)
     all = box;
   else
@@ -137,115 +192,70 @@ void Sprites::cover_blended(float left, float top, float right, float bottom) {
            std::max(all.bottom, box.bottom)};
 }
 
+/// A part of a strip between edges.
+void Sprites::add(const Strip& strip, int begin, int end, const ColumnLine& top, const ColumnLine& bottom) {
+  Strip part = strip;
+  part.u_begin += part.u_step * (begin - part.column_begin);
+  part.column_begin = begin, part.column_end = end;
+  part.top = top, part.bottom = bottom;
+  if (part.paint.blended) frame_.list->has_blended = true, cover_blended(part);
+  frame_.list->strips.push_back(part);
+}
+
 void Sprites::emit_masked() {
-  for (const Masked& masked : masked_) {
+  for (const auto& [inverse, index] : order_) {
+    const Masked& masked = masked_[index];
+    const Strip& strip = masked.strip;
     const auto visible = [&](int column) {
-      return masked.inverse_at(column) > visibility_.column(column).inverse;
+      return masked.inverse_at(visibility_.ray(column)) > visibility_.column(column).inverse;
     };
     const auto clip_at = [&](int column) {
-      return surfaces_.clip_at(column, masked.inverse_at(column), masked.own_span);
+      return surfaces_.clip_at(column, masked.inverse_at(visibility_.ray(column)), masked.own_span);
     };
-    begin_masked(masked.paint.blend.has_value());
-    for (int column = masked.column_begin; column < masked.column_end;) {
+    for (int column = strip.column_begin; column < strip.column_end;) {
       if (!visible(column)) {
         ++column;
         continue;
       }
       const Surfaces::Clip clip = clip_at(column);
       int end = column + 1;
-      while (end < masked.column_end && visible(end) && clip_at(end) == clip) ++end;
-      const auto run_left = static_cast<float>(column), run_right = static_cast<float>(end);
+      while (end < strip.column_end && visible(end) && clip_at(end) == clip) ++end;
+      cut_by_edges(column, end, {strip.top, surfaces_.line_of(clip.top)},
+                   {strip.bottom, surfaces_.line_of(clip.bottom)},
+                   [&](int from, int to, const ColumnLine& top, const ColumnLine& bottom) {
+                     add(strip, from, to, top, bottom);
+                   });
       column = end;
-      if (masked.grating == nullptr)
-        emit_sprite(masked, run_left, run_right, clip);
-      else
-        emit_grating(masked, run_left, run_right, clip);
     }
   }
-}
-
-void Sprites::emit_sprite(const Masked& sprite, float run_left, float run_right, const Surfaces::Clip& clip) {
-  const float left = std::max(sprite.x_left, run_left), right = std::min(sprite.x_right, run_right);
-  if (right <= left) return;
-  if (sprite.paint.blend) cover_blended(left, sprite.y_top, right, sprite.y_bottom);
-  frame_.list->subject = sprite.subject;
-  const auto corner = [&](float x, float row) {
-    const float u = inside((x - sprite.x_left) / (sprite.x_right - sprite.x_left));
-    const float v = inside((row - sprite.y_top) / (sprite.y_bottom - sprite.y_top));
-    frame_.push(x, row, sprite.inverse, sprite.mirrored ? 1.0f - u : u, v, sprite.region, sprite.shade,
-                sprite.mark);
-  };
-  cut_by_edges(
-      left, right, [&](float x) { return surfaces_.row_of(clip.top, x); },
-      [&](float) { return sprite.y_top; }, [&](float x) { return surfaces_.row_of(clip.bottom, x); },
-      [&](float) { return sprite.y_bottom; },
-      [&](const PictureArea& area) { cut_to_picture(area, frame_.rows(), corner); });
-}
-
-void Sprites::emit_grating(const Masked& grating, float run_left, float run_right,
-                           const Surfaces::Clip& clip) {
-  const WallSpan& span = *grating.grating;
-  if (grating.paint.blend) cover_blended(run_left, 0, run_right, frame_.rows());
-  const SceneLine& line = frame_.scene->lines[span.line];
-  const SceneSide& near = visibility_.near_side(span);
-  const SectorNow& now = frame_.sector(span.near_sector);
-  const SectorNow& beyond = frame_.sector(span.far_sector);
-  const float opening_top = std::min(now.ceiling, beyond.ceiling);
-  const float opening_bottom = std::max(now.floor, beyond.floor);
-  const float height = static_cast<float>(near.middle.region.height) / near.middle.scale_y;
-  // The offset moves the picture itself, not what it shows.
-  ScenePart part = near.middle;
-  float texture_top =
-      (line.lower_unpegged ? opening_bottom + height : opening_top) + part.offset_y / part.scale_y;
-  part.offset_y = 0;
-  const std::span<const SideState> sides = frame_.view->sides;
-  if (near.sidedef < sides.size() && !line.wraps_middle)
-    texture_top += to_float(sides[near.sidedef].scroll_y) / part.scale_y;
-  const float left = std::max(span.x_left, run_left), right = std::min(span.x_right, run_right);
-  if (right <= left) return;
-  const float top = line.wraps_middle ? opening_top : std::min(opening_top, texture_top);
-  const float bottom = line.wraps_middle ? opening_bottom : std::max(opening_bottom, texture_top - height);
-  cut_by_edges(
-      left, right, [&](float x) { return surfaces_.row_of(clip.top, x); },
-      [&](float x) { return surfaces_.row_at(span, x, top); },
-      [&](float x) { return surfaces_.row_of(clip.bottom, x); },
-      [&](float x) { return surfaces_.row_at(span, x, bottom); },
-      [&](const PictureArea& area) {
-        surfaces_.emit_textured(span, area, texture_top, part, near, frame_.wall_shade(now, near),
-                                grating.paint.mark(now.tint));
-      });
 }
 
 void Sprites::emit_hand() {
   const SceneView& view = *frame_.view;
   const Projection& projection = frame_.projection;
-  const std::optional<Paint> paint = frame_.paint(view.hand_style, view.hand_alpha);
+  const SectorNow& now = frame_.sector(visibility_.eye_sector());
+  const std::optional<Paint> paint = frame_.paint(view.hand_style, view.hand_alpha, now.tint);
   if (!paint) return;
   // 320 columns and 200 rows of a 4:3 screen; x = 160 lies in the middle of the view, and as much of the
   // picture is hidden below the view as on a screen with a status bar.
   const float unit_x = projection.hand_unit_x, unit_y = projection.hand_unit_y;
-  frame_.list->subject = kWeaponSubject;
   for (const HandSprite& held : view.hand) {
     const SpriteSides* sides = view.sprites->sides(held.sprite, held.frame);
     if (sides == nullptr || !sides->art[0]) continue;
     const SpriteArt& art = frame_.atlas->sprites()[*sides->art[0]];
-    const float left =
-        snap(projection.center_x + (held.x - 160.0f - static_cast<float>(art.left_offset)) * unit_x);
-    const float right = snap(left + static_cast<float>(art.region.width) * unit_x);
+    const float left = projection.center_x + (held.x - 160.0f - static_cast<float>(art.left_offset)) * unit_x;
+    const float right = left + static_cast<float>(art.region.width) * unit_x;
     const float top = projection.center_y + (held.y - 100.0f - static_cast<float>(art.top_offset)) * unit_y;
     const float bottom = top + static_cast<float>(art.region.height) * unit_y;
-    const float x0 = std::max(left, 0.0f), x1 = std::min(right, static_cast<float>(projection.width));
-    const float y0 = std::max(top, 0.0f), y1 = std::min(bottom, frame_.rows());
-    if (x0 >= x1 || y0 >= y1) continue;
-    begin_masked(paint->blend.has_value());
-    if (paint->blend) cover_blended(x0, y0, x1, y1);
-    const SectorNow& now = frame_.sector(visibility_.eye_sector());
-    const auto corner = [&](float x, float row) {
-      const float u = inside((x - left) / (right - left)), v = inside((row - top) / (bottom - top));
-      frame_.push(x, row, 1, sides->mirrored[0] ? 1.0f - u : u, v, art.region, held.bright ? 0 : now.shade,
-                  paint->mark(now.tint));
-    };
-    corner(x0, y0), corner(x1, y0), corner(x1, y1), corner(x0, y1);
+    Strip strip = picture_strip(art.region, sides->mirrored[0], left, right, top, bottom, projection.width);
+    if (strip.column_begin >= strip.column_end) continue;
+    strip.inverse.at_zero = strip.light.at_zero = 1;
+    strip.v_horizon = 100.0f - held.y + static_cast<float>(art.top_offset);
+    strip.v_step = 1.0f / unit_y;
+    strip.shade = held.bright ? 0 : now.shade;
+    strip.paint = *paint;
+    strip.subject = kWeaponSubject;
+    add(strip, strip.column_begin, strip.column_end, strip.top, strip.bottom);
   }
 }
 

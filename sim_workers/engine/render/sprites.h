@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "sim_workers/engine/render/surfaces.h"
@@ -18,7 +19,7 @@ class Sprites {
  public:
   Sprites(ViewFrame* frame, const Visibility* visibility, Surfaces* surfaces)
       : frame_(*frame), visibility_(*visibility), surfaces_(*surfaces) {}
-  /// Adds the masked quads, after the surfaces'.
+  /// Adds the masked strips, after the surfaces'.
   void emit();
 
  private:
@@ -26,33 +27,24 @@ class Sprites {
   struct Masked {
     const WallSpan* grating = nullptr;  ///< null for a sprite
     std::optional<uint32_t> own_span;   ///< its place among the spans
-    Paint paint;
-    float inverse = 0;
-    int column_begin = 0, column_end = 0;
-    // Of a sprite.
-    float x_left = 0, x_right = 0, y_top = 0, y_bottom = 0, shade = 0;
-    AtlasRegion region;
-    int32_t mark = 0, subject = 0;
-    bool mirrored = false;
-    float inverse_at(int column) const {
-      return grating == nullptr ? inverse : grating->inverse_at(centre_of(column));
-    }
+    float inverse = 0;                  ///< that decides the order
+    Strip strip;                        ///< without edges that others cut into it
+    float inverse_at(float x) const { return grating == nullptr ? inverse : grating->inverse.at(x); }
   };
 
   void collect_sprites();
   std::optional<Masked> place_sprite(const Actor& actor);
   void collect_gratings();
   void emit_masked();
-  void emit_sprite(const Masked& sprite, float run_left, float run_right, const Surfaces::Clip& clip);
-  void emit_grating(const Masked& grating, float run_left, float run_right, const Surfaces::Clip& clip);
   void emit_hand();
-  void begin_masked(bool blended);
-  void cover_blended(float left, float top, float right, float bottom);
+  void add(const Strip& strip, int begin, int end, const ColumnLine& top, const ColumnLine& bottom);
+  void cover_blended(const Strip& strip);
 
   ViewFrame& frame_;
   const Visibility& visibility_;
   Surfaces& surfaces_;
   std::vector<Masked> masked_;
+  std::vector<std::pair<float, uint32_t>> order_;  // 1/depth and place in masked_, far to near
 };
 
 }  // namespace comrad::doom

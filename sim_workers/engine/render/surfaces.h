@@ -1,4 +1,4 @@
-// Walls, floors, ceilings and the sky of a view as quads. Floors need no triangles of their own in the level: a
+// Walls, floors, ceilings and the sky of a view as strips. Floors need no triangles of their own in the level: a
 // floor's visible part is bounded by the walls seen in each column. Stage: render.
 #pragma once
 
@@ -8,7 +8,6 @@
 #include <optional>
 #include <vector>
 
-#include "sim_workers/engine/render/picture_area.h"
 #include "sim_workers/engine/render/view_frame.h"
 #include "sim_workers/engine/render/visibility.h"
 
@@ -20,7 +19,6 @@ struct Edge {
   enum Kind : uint8_t { kPictureTop, kPictureBottom, kNearFloor, kNearCeiling, kFarFloor, kFarCeiling };
   Kind kind = kPictureTop;
   uint32_t span = 0;
-  bool is_of_picture() const { return kind < kNearFloor; }
   bool operator==(const Edge&) const = default;
 };
 
@@ -33,39 +31,38 @@ class Surfaces {
   };
 
   Surfaces(ViewFrame* frame, const Visibility* visibility);
-  /// Adds the quads of what the eye sees, from far to near.
+  /// Adds the strips of what the eye sees.
   void emit();
 
   // After emit(), for what stands among the surfaces.
   /// What is left between the edges that are nearer than 1 / inverse and hide sprites; of a grating, those
   /// nearer than its own span.
   Clip clip_at(int column, float inverse, std::optional<uint32_t> own_span) const;
-  float row_of(Edge at, float x) const;
-  /// The row of a height where `span` stands in column x.
-  float row_at(const WallSpan& span, float x, float height) const {
-    return frame_.center_y - frame_.projection.focal_y * (height - frame_.eye_z) * span.inverse_at(x);
-  }
-  /// A part of a wall with its texture, which begins at the height `texture_top`.
-  void emit_textured(const WallSpan& span, const PictureArea& area, float texture_top, const ScenePart& part,
-                     const SceneSide& side, float shade, int32_t mark);
+  ColumnLine line_of(Edge edge) const;
+  /// Where a height runs along a span.
+  ColumnLine line_at(const WallSpan& span, float height) const;
+  /// A strip of a wall with its texture, which begins at the height `texture_top`; columns and edges are the caller's.
+  Strip textured(const WallSpan& span, float texture_top, const ScenePart& part, const SceneSide& side) const;
 
  private:
   struct Crossing {
     float inverse = 0;
     uint32_t span = 0;
   };
-  /// What a partial or solid span does to the columns that it covers.
+  /// What a span does to the columns that it covers.
   struct Border {
     const SectorNow* now = nullptr;
     const SectorNow* beyond = nullptr;
-    std::array<float, 4> factors{};               ///< ViewFrame::row_factor() by Edge::Kind, of the opening
+    std::array<ColumnLine, 4> lines{};            ///< where it runs, by Edge::Kind from kNearFloor on
     bool floor_ends = true, ceiling_ends = true;  ///< they look otherwise behind it
     bool draws_floor = false, draws_ceiling = false;
     bool sky_goes_on = false;  ///< its ceiling is open sky, and so is the one behind it, no lower
     bool upper = false, lower = false, middle = false;    ///< the parts of the wall that are drawn
     bool closes_top = false, closes_bottom = false;       ///< nothing behind shows beyond the opening
     std::optional<Edge::Kind> sprite_top, sprite_bottom;  ///< what hides sprites behind it
-    float factor(Edge::Kind kind) const { return factors[static_cast<std::size_t>(kind - Edge::kNearFloor)]; }
+    const ColumnLine& line(Edge::Kind kind) const {
+      return lines[static_cast<std::size_t>(kind - Edge::kNearFloor)];
+    }
   };
   /// A part of a surface between two edges, in a run of columns.
   struct Piece {
@@ -73,46 +70,52 @@ class Surfaces {
     uint32_t span = 0;  ///< the wall's, or the one that ends the floor
     Edge top, bottom;
     int column_begin = 0, column_end = 0;
+    bool same_surface(const Piece& other) const {
+      return kind == other.kind && span == other.span && top == other.top && bottom == other.bottom;
+    }
   };
-
-  void emit_painted_planes();
-  void emit_painted_run(int column_begin, int column_end, uint32_t sector_index, float inverse_min);
-  void emit_all_walls();
-  void emit_walls(const WallSpan& span, int column_begin, int column_end);
-  void emit_sky();
-  float sky_u(float x) const;
-  float sky_v(float row) const;
-  Border measure_border(const WallSpan& span);
-  void collect_crossings();
-  void collect_pieces();
-  void look_through(int column);
-  /// One end of a piece in a column.
+  /// One end of what is still open in a column.
   struct End {
     Edge edge;
     float row = 0;
   };
-  void add_piece(Piece::Kind kind, uint32_t span, const End& from, const End& to, int column,
-                 std::size_t* older);
+  /// What a column shows, from near to far.
+  struct Look {
+    std::vector<Piece> pieces;
+    bool meets_sky = false;
+    float sky_bottom = 0;  ///< the lowest row that the sky may show in
+  };
+
+  Border measure_border(const WallSpan& span);
+  void collect_crossings();
+  void collect_pieces();
+  void collect_run(int begin, int end);
+  bool same_run(int column, int other) const;
+  void look_through(int column, Look* look) const;
   bool goes_on(const Piece& before, const Piece& now);
+  void add_pieces(const Look& look, int begin, int end);
+  void emit_sky();
   void emit_piece(const Piece& piece);
-  void emit_wall_part(const WallSpan& span, Piece::Kind kind, const PictureArea& area);
-  void emit_plane(const PictureArea& area, uint32_t sector_index, bool floor);
+  void emit_wall_part(const Piece& piece);
+  uint32_t plane(uint32_t sector, bool floor);
 
   ViewFrame& frame_;
   const Visibility& visibility_;
   std::vector<Crossing> crossings_;  // [column, kCrossingsMax]
   std::vector<int> crossing_counts_;
-  std::vector<Border> borders_;                               // [span]
-  std::vector<Piece> pieces_;                                 // of the picture
-  std::vector<uint32_t> column_pieces_, next_column_pieces_;  // of a column, near to far: into pieces_
-  /// What decides about the order of pieces.
-  struct Drawn {
-    float inverse;
-    Piece::Kind kind;
-    uint32_t piece;
+  std::vector<Border> borders_;                         // [span]
+  std::vector<Piece> pieces_;                           // of the picture
+  std::vector<uint32_t> run_pieces_, next_run_pieces_;  // of a run, near to far: into pieces_
+  Look first_, last_, between_;
+  float sky_bottom_ = 0;
+  /// Planes of this picture: whose they are, by place in DrawList::planes.
+  struct PlaneOwner {
+    uint32_t sector = 0;
+    bool floor = false;
   };
-  std::vector<Drawn> drawn_;  // every piece, as they ended; then far to near
-  bool sky_seen_ = false;
+  std::vector<PlaneOwner> plane_owners_;
+  std::vector<std::array<std::pair<uint64_t, uint32_t>, 2>>
+      planes_of_sectors_;  // [sector][floor] stamp, plane
 };
 
 }  // namespace comrad::doom

@@ -1,4 +1,4 @@
-// From a world and an eye to a short list of quads: everything that is visible and nearly nothing else. The
+// From a world and an eye to a short list of strips: everything that is visible and nearly nothing else. The
 // lines that are looked at at all are those of sectors that the eye reaches through openings, window by window,
 // so a view costs what is visible. Stage: render.
 #pragma once
@@ -16,11 +16,11 @@ class ViewBuilder {
   ViewBuilder(const ViewBuilder&) = delete;  // its parts refer to each other
   ViewBuilder& operator=(const ViewBuilder&) = delete;
 
-  /// Fills `list` with the quads of `view`.
+  /// Fills `list` with the strips of `view`.
   void build(const SceneView& view, DrawList* list) {
     look(view, list);
     surfaces_.emit();
-    list->opaque_end = list->quad_count();
+    list->opaque_end = list->strip_count();
     sprites_.emit();
   }
   /// Only finds out what `view` sees of the map; visibility() tells.

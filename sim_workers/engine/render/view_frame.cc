@@ -52,8 +52,9 @@ void ViewFrame::begin(const SceneView& next, DrawList* into) {
   sectors_.resize(std::max(sectors_.size(), next.sectors.size()));
   side_changes_.resize(std::max(side_changes_.size(), next.sides.size()));
   changed_planes_.clear(), changed_sides_.clear();
-  const double radians = angle_to_radians(next.angle);
-  cosine = static_cast<float>(std::cos(radians)), sine = static_cast<float>(std::sin(radians));
+  // As in the reference engine from the table of fine angles, whose quadrants do not meet exactly: a view is turned by up to
+  // 1/8192 of a turn.
+  cosine = to_float(fine_cosine(next.angle)), sine = to_float(fine_sine(next.angle));
   eye_x = static_cast<float>(next.eye_x), eye_y = static_cast<float>(next.eye_y);
   eye_z = static_cast<float>(next.eye_z);
   // Looking up or down shifts the picture, as Doom's descendants do it; walls stay upright.
@@ -62,6 +63,7 @@ void ViewFrame::begin(const SceneView& next, DrawList* into) {
     const double down = std::clamp(static_cast<int32_t>(next.pitch) * (kTwoPi / 4294967296.0), -1.3, 1.3);
     center_y -= static_cast<float>(std::round(projection.focal_y * std::tan(down)));
   }
+  into->center_y = center_y, into->sky_angle = next.angle;
 }
 
 const SectorNow& ViewFrame::sector(uint32_t index) {
@@ -100,9 +102,8 @@ const SceneSide& ViewFrame::changed(const SceneSide& side) {
   return *changed;
 }
 
-/// The number of a light's colour in this picture, at its place above an address; the nearest where there are
-/// too many.
-int32_t ViewFrame::tint(uint32_t color) {
+/// The number of a light's colour in this picture; the nearest where there are too many.
+uint8_t ViewFrame::tint(uint32_t color) {
   color &= 0xFFFFFFu;
   if (color == 0xFFFFFFu) return 0;
   uint32_t best = 0;
@@ -118,13 +119,13 @@ int32_t ViewFrame::tint(uint32_t color) {
     best = list->tint_count++;
     list->tints[best] = color;
   }
-  return static_cast<int32_t>(best << kTintShift);
+  return static_cast<uint8_t>(best);
 }
 
-std::optional<Paint> ViewFrame::paint(RenderStyle style, float alpha) {
+std::optional<Paint> ViewFrame::paint(RenderStyle style, float alpha, uint8_t tint) {
   if (style == RenderStyle::kNone) return std::nullopt;
   const std::optional<Blend> wanted = blend_of(style, std::clamp(alpha, 0.0f, 1.0f));
-  if (!wanted) return Paint{};
+  if (!wanted) return Paint{.tint = tint};
   if (wanted->alpha == 0) return std::nullopt;
   uint32_t best = 0;
   int best_distance = INT32_MAX;
@@ -137,7 +138,7 @@ std::optional<Paint> ViewFrame::paint(RenderStyle style, float alpha) {
     best = list->blend_count++;
     list->blends[best] = *wanted;
   }
-  return Paint{.blend = best};
+  return Paint{.tint = tint, .blended = true, .blend = static_cast<uint8_t>(best)};
 }
 
 bool ViewFrame::same_plane_look(uint32_t one, uint32_t other, bool floor) {
@@ -163,44 +164,6 @@ float ViewFrame::wall_shade(const SectorNow& now, const SceneSide& side) const {
   const float flash = kLightRowsPerFlash * static_cast<float>(view->extra_light);
   if (side.light_absolute) return light_shade(std::clamp(side.light, 0, 255)) - flash + side.contrast_rows;
   return now.shade - static_cast<float>(side.light) * 0.25f + side.contrast_rows;
-}
-
-void ViewFrame::push(float x, float row, float inverse, float u, float v, const AtlasRegion& region,
-                     float shade, int32_t mark) {
-  const float w = 1.0f / inverse;
-  list->vertices.push_back({.x = (x * 2.0f / static_cast<float>(projection.width) - 1.0f) * w,
-                            .y = (row * 2.0f / static_cast<float>(projection.rows) - 1.0f) * w,
-                            .z = 0,
-                            .w = w,
-                            .u = u,
-                            .v = v,
-                            .width = static_cast<float>(region.width),
-                            .height = static_cast<float>(region.height),
-                            .shade = shade,
-                            .address = static_cast<int32_t>(region.address) | mark,
-                            .picture = list->subject});
-}
-
-void ViewFrame::push_quad(const FourCorners& x, const FourCorners& row, const FourCorners& inverse,
-                          const FourCorners& u, const FourCorners& v, const AtlasRegion& region, float shade,
-                          int32_t mark) {
-  const FourCorners w = 1.0f / inverse;
-  const FourCorners clip_x = (x * 2.0f / static_cast<float>(projection.width) - 1.0f) * w;
-  const FourCorners clip_y = (row * 2.0f / static_cast<float>(projection.rows) - 1.0f) * w;
-  const std::size_t begin = list->vertices.size();
-  list->vertices.resize(begin + 4);
-  for (std::size_t i = 0; i < 4; ++i)
-    list->vertices[begin + i] = {.x = clip_x[i],
-                                 .y = clip_y[i],
-                                 .z = 0,
-                                 .w = w[i],
-                                 .u = u[i],
-                                 .v = v[i],
-                                 .width = static_cast<float>(region.width),
-                                 .height = static_cast<float>(region.height),
-                                 .shade = shade,
-                                 .address = static_cast<int32_t>(region.address) | mark,
-                                 .picture = list->subject};
 }
 
 }  // namespace comrad::doom

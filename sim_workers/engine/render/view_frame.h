@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "sim_workers/engine/render/draw_list.h"
-#include "sim_workers/engine/render/picture_area.h"
 #include "sim_workers/engine/render/projection.h"
 #include "sim_workers/engine/render/scene.h"
 #include "sim_workers/engine/world/world.h"
@@ -47,20 +46,12 @@ struct SceneView {
 struct SectorNow {
   float floor = 0, ceiling = 0;
   float shade = 0, floor_shade = 0, ceiling_shade = 0;
-  int32_t tint = 0;  ///< shifted to its place above an address
+  uint8_t tint = 0;  ///< into DrawList::tints
   const ScenePlane* floor_plane = nullptr;
   const ScenePlane* ceiling_plane = nullptr;
   uint64_t stamp = 0;
 };
 
-/// How something is drawn: opaque, in its sector's tint, or as one of the picture's blends.
-struct Paint {
-  std::optional<uint32_t> blend;
-  /// What stands above the address: the blend's number, or the tint.
-  int32_t mark(int32_t tint) const { return blend ? static_cast<int32_t>(*blend << kTintShift) : tint; }
-};
-
-constexpr float kFarInverse = 1.0f / 60000.0f;  ///< 1/depth of the farthest that is drawn
 constexpr float kTwoPi = 6.28318530717958647692f;
 
 inline bool same_placement(const FlatPlacement& a, const FlatPlacement& b) {
@@ -84,22 +75,14 @@ class ViewFrame {
   void will_ask(const SceneSide& side) const {
     if (side.sidedef < view->sides.size()) __builtin_prefetch(&view->sides[side.sidedef].retextured);
   }
-  /// How something of that style looks here; nothing where it does not show at all. Where there are too many
-  /// blends, the nearest.
-  std::optional<Paint> paint(RenderStyle style, float alpha);
+  /// How something of that style looks under a tint; nothing where it does not show at all. Where there are too many blends,
+  /// the nearest.
+  std::optional<Paint> paint(RenderStyle style, float alpha, uint8_t tint);
   /// Whether floors (or ceilings) of two sectors join without a border.
   bool same_plane_look(uint32_t one, uint32_t other, bool floor);
   /// Whether no border at all shows between them.
   bool same_look(uint32_t one, uint32_t other);
   float wall_shade(const SectorNow& now, const SceneSide& side) const;
-  /// Adds a corner of a quad.
-  void push(float x, float row, float inverse, float u, float v, const AtlasRegion& region, float shade,
-            int32_t mark);
-  /// Adds a quad: push() of its corners, clockwise from the upper left one.
-  void push_quad(const FourCorners& x, const FourCorners& row, const FourCorners& inverse,
-                 const FourCorners& u, const FourCorners& v, const AtlasRegion& region, float shade,
-                 int32_t mark);
-
   float rows() const { return static_cast<float>(projection.rows); }
   /// A row is center_y + row_factor(height) / depth.
   float row_factor(float height) const { return projection.focal_y * (eye_z - height); }
@@ -114,7 +97,7 @@ class ViewFrame {
   uint64_t stamp = 0;  ///< number of the picture; what bears another is of an older one
 
  private:
-  int32_t tint(uint32_t color);
+  uint8_t tint(uint32_t color);
   const SceneSide& changed(const SceneSide& side);
 
   std::vector<SectorNow> sectors_;

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "sim_workers/engine/map/level_index.h"
-#include "sim_workers/engine/render/picture_area.h"
 
 namespace comrad::doom {
 namespace {
@@ -18,7 +17,19 @@ Fixed on_map(Number at) {
   return static_cast<Fixed>(std::clamp(at, Number{-32767}, Number{32767}) * 65536);
 }
 
+/// Level where the ends lie in the same place.
+ColumnLine line_through(float x0, float value0, float x1, float value1) {
+  constexpr float kNarrowest = 1e-4f;
+  const float slope = x1 - x0 > kNarrowest ? (value1 - value0) / (x1 - x0) : 0.0f;
+  return {.at_zero = value0 - slope * x0, .slope = slope};
+}
+
 }  // namespace
+
+Visibility::Visibility(ViewFrame* frame) : frame_(*frame) {
+  for (int column = 0; column < frame->projection.width; ++column)
+    rays_.push_back(frame->projection.ray_of(column));
+}
 
 const SceneSide& Visibility::near_side(const WallSpan& span) const {
   const SceneLine& line = frame_.scene->lines[span.line];
@@ -83,7 +94,7 @@ void Visibility::look() {
 
 bool Visibility::is_hidden(const WallSpan& span) const {
   for (int at = span.column_begin; at < span.column_end; ++at)
-    if (span.inverse_at(centre_of(at)) > column(at).inverse) return false;
+    if (span.inverse.at(ray(at)) > column(at).inverse) return false;
   return true;
 }
 
@@ -131,18 +142,19 @@ void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   if ((start.beyond_left && end.beyond_left) || (start.beyond_right && end.beyond_right)) return;
   if (line.two_sided) frame_.will_ask(from_back ? line.back : line.front);
   const float focal = projection.focal_x;
-  float u_a = 0, u_b = line.length;
+  // Textures are laid along the length in whole units.
+  const float texel_length = std::round(line.length);
+  float u_a = 0, u_b = texel_length;
   if (from_back) {
     std::swap(side_a, side_b), std::swap(depth_a, depth_b);
   }
-  const float length = line.length;
   bool clipped = true;
   if (depth_a < kNearDepth) {
     const float t = (kNearDepth - depth_a) / (depth_b - depth_a);
-    side_a += t * (side_b - side_a), u_a += t * length, depth_a = kNearDepth;
+    side_a += t * (side_b - side_a), u_a += t * texel_length, depth_a = kNearDepth;
   } else if (depth_b < kNearDepth) {
     const float t = (kNearDepth - depth_b) / (depth_a - depth_b);
-    side_b += t * (side_a - side_b), u_b -= t * length, depth_b = kNearDepth;
+    side_b += t * (side_a - side_b), u_b -= t * texel_length, depth_b = kNearDepth;
   } else {
     clipped = false;
   }
@@ -151,10 +163,10 @@ void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   span.near_sector = from_back ? line.back.sector : line.front.sector;
   span.far_sector = !line.two_sided ? span.near_sector : from_back ? line.front.sector : line.back.sector;
   const float inverse_a = 1.0f / depth_a, inverse_b = 1.0f / depth_b;
-  span.x_left = snap(projection.center_x + focal * side_a * inverse_a);
-  span.x_right = snap(projection.center_x + focal * side_b * inverse_b);
-  span.column_begin = std::max(0, first_column(std::max(span.x_left, -1.0f)));
-  span.column_end = std::min(projection.width, first_column(std::min(span.x_right, 65536.0f)));
+  const float x_left = span.x_left = projection.center_x + focal * side_a * inverse_a;
+  const float x_right = projection.center_x + focal * side_b * inverse_b;
+  span.column_begin = std::max(0, projection.first_column(std::clamp(x_left, -1.0f, 65536.0f)));
+  span.column_end = std::min(projection.width, projection.first_column(std::clamp(x_right, -1.0f, 65536.0f)));
   seen->column_begin = span.column_begin, seen->column_end = span.column_end;
   if (clipped && line.two_sided) {
     seen->column_begin = 0, seen->column_end = projection.width;
@@ -176,9 +188,13 @@ void Visibility::measure_line(uint32_t line_index, LineView* seen) {
     if (alike && !frame_.side_now(from_back ? line.back : line.front).middle.present) return;
   }
   // The texture runs from the near side's own start, which is always the span's left end.
-  const float width = span.x_right - span.x_left;
-  span.inverse_left = inverse_a, span.inverse_slope = (inverse_b - inverse_a) / width;
-  span.u_left = u_a * inverse_a, span.u_slope = (u_b * inverse_b - span.u_left) / width;
+  span.inverse = line_through(x_left, inverse_a, x_right, inverse_b);
+  span.u = line_through(x_left, u_a * inverse_a, x_right, u_b * inverse_b);
+  const auto width = static_cast<float>(projection.width);
+  const bool from_outside = x_left<0, to_outside = x_right> width;
+  span.edge =
+      line_through(static_cast<float>(span.column_begin), from_outside ? span.inverse.at(0.0f) : inverse_a,
+                   static_cast<float>(span.column_end), to_outside ? span.inverse.at(width) : inverse_b);
   seen->kind = LineView::Kind::kShown;
 }
 
@@ -190,7 +206,7 @@ void Visibility::add_span(const WallSpan& span) {
     return;
   }
   for (int at = span.column_begin; at < span.column_end; ++at) {
-    const float inverse = span.inverse_at(centre_of(at));
+    const float inverse = span.inverse.at(ray(at));
     ViewColumn& nearest = columns_[static_cast<std::size_t>(at)];
     if (inverse > nearest.inverse) nearest = {.inverse = inverse, .span = index};
   }

@@ -11,37 +11,29 @@
 
 namespace comrad::doom {
 
-/// A line's visible extent in this picture, nearest end to farthest. Along the columns 1/depth and u/depth
-/// are linear.
+/// A line's visible extent in this picture, from its left end. 1/depth and u/depth are linear in x.
 struct WallSpan {
   uint32_t line = 0;
   uint32_t near_sector = 0, far_sector = 0;
   bool back_side = false;  ///< seen from its back
   bool solid = false;
   int column_begin = 0, column_end = 0;
-  float x_left = 0, x_right = 0;
-  float inverse_left = 0, inverse_slope = 0;  ///< 1/depth at x_left, per pixel
-  float u_left = 0, u_slope = 0;              ///< map units along the wall, over depth
-  /// Of one column, or of several side by side.
-  template <typename Number>
-  Number inverse_at(Number x) const {
-    return inverse_left + (x - x_left) * inverse_slope;
-  }
-  template <typename Number>
-  Number u_at(Number x) const {
-    return u_left + (x - x_left) * u_slope;
-  }
+  float x_left = 0;    ///< where it begins; its first column may look for texels left of it
+  ColumnLine inverse;  ///< 1/depth
+  ColumnLine u;        ///< map units along the wall, over depth
+  ColumnLine
+      edge;  ///< 1/depth for its upper and lower borders, which run from its first whole column to its last
 };
 
 /// The nearest solid wall of a picture column.
 struct ViewColumn {
-  float inverse = 0;             ///< 1/depth of it; 0 where the map is open
+  float inverse = 0;             ///< 1/depth of it at the column's ray; 0 where the map is open
   std::optional<uint32_t> span;  ///< into Visibility::spans()
 };
 
 class Visibility {
  public:
-  explicit Visibility(ViewFrame* frame) : frame_(*frame) {}
+  explicit Visibility(ViewFrame* frame);
   /// Looks from the frame's eye.
   void look();
 
@@ -50,6 +42,8 @@ class Visibility {
   const std::vector<uint32_t>& partial_spans() const { return partial_spans_; }
   const std::vector<ViewColumn>& columns() const { return columns_; }
   const ViewColumn& column(int at) const { return columns_[static_cast<std::size_t>(at)]; }
+  /// Projection::ray_of(), from a table.
+  float ray(int column) const { return rays_[static_cast<std::size_t>(column)]; }
   uint32_t eye_sector() const { return eye_sector_; }
   /// Whether the eye reaches that sector.
   bool reaches(uint32_t sector) const { return windows_[sector].stamp == frame_.stamp; }
@@ -98,6 +92,7 @@ class Visibility {
   std::vector<WallSpan> spans_;
   std::vector<uint32_t> partial_spans_;
   std::vector<ViewColumn> columns_;
+  std::vector<float> rays_;  // [column]
 };
 
 }  // namespace comrad::doom

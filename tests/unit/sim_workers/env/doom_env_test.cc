@@ -29,7 +29,7 @@ class FlatRenderer final : public doom::Renderer {
       std::fill_n(view.destination, bytes_,
                   static_cast<uint8_t>(view.world->tic_count() + 100 * view.player));
   }
-  int undrawn_pixels() const override { return 0; }
+  int undrawn_pixels() override { return 0; }
   unsigned driver_error() override { return 0; }
   int draw_depth(const doom::World&, int, std::vector<float>*) override { return 0; }
   int draw_labels(const doom::World&, int, std::vector<uint8_t>*, std::vector<doom::ThingLabel>*) override {

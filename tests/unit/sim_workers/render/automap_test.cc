@@ -79,8 +79,7 @@ std::vector<ThingLabel> label_row(int count, std::vector<uint8_t>* labels) {
     Actor actor;
     actor.id = 100 + static_cast<uint32_t>(thing);
     actors.push_back(actor);
-    for (int corner = 0; corner < 8; ++corner)  // two quads each
-      list.vertices.emplace_back().picture = kFirstActor + thing;
+    for (int part = 0; part < 2; ++part) list.strips.emplace_back().subject = kFirstActor + thing;
     subjects.push_back(static_cast<uint32_t>(kFirstActor + thing));
   }
   std::vector<ThingLabel> things;

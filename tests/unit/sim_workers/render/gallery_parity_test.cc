@@ -58,7 +58,9 @@ TEST(GalleryParity, EachViewIsViZDoomsButForAFewTexels) {
     const auto difference = painter->compare(world, recorded + name, pictures == nullptr ? "" : pictures);
     ASSERT_TRUE(difference.has_value()) << difference.error().message;
     test::ReferencePainter::print(name, *difference);
-    test::ReferencePainter::expect_alike(name, *difference, 6.0);
+    test::ReferencePainter::expect_alike(name, *difference, 1.5);
+    // ViZDoom mixes what is seen through in its palette, the painter in RGB.
+    EXPECT_GE(difference->equal_share, name == "glass" ? 0.85 : 0.93) << name;
     edges.add(*difference);
     sum += difference->mean_absolute, ++views;
   }

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "rollout_buffer/core/rng.h"
 #include "tests/support/level_builder.h"
@@ -25,7 +27,7 @@ class Camera {
         projection_(make_projection({})),
         builder_(projection_, &atlas_),
         sectors(level->sectors),
-        wall_address_(static_cast<int32_t>(atlas_.wall("BRICK6").value().address)) {}
+        wall_address_(atlas_.wall("BRICK6").value().address) {}
 
   const DrawList& look(double x, double y, double z, double degrees) {
     SceneView view;
@@ -38,7 +40,9 @@ class Camera {
     return list_;
   }
   const Projection& projection() const { return projection_; }
-  bool is_wall(const QuadVertex& vertex) const { return vertex.address == wall_address_; }
+  bool is_wall(const Strip& strip) const {
+    return strip.kind == Strip::Kind::kWall && strip.region.address == wall_address_;
+  }
 
  private:
   ArtAtlas atlas_;
@@ -60,29 +64,17 @@ class Camera {
   ArtAtlas& atlas() { return atlas_; }
 
  private:
-  int32_t wall_address_;
+  uint32_t wall_address_;
 };
 
-/// A quad in pixels: all quads have upright left and right sides.
-struct PixelQuad {
-  double left, right, top_left, top_right, bottom_left, bottom_right, inverse_left, inverse_right;
-  const QuadVertex* corner;
+bool holds(const Strip& strip, int column, int row) {
+  const auto at = static_cast<float>(column);
+  return column >= strip.column_begin && column < strip.column_end && row >= row_below(strip.top.at(at)) &&
+         row < row_below(strip.bottom.at(at));
+}
 
-  bool holds(double x, double y) const {
-    if (x < left || x >= right) return false;
-    const double t = (x - left) / (right - left);
-    return y >= top_left + t * (top_right - top_left) && y < bottom_left + t * (bottom_right - bottom_left);
-  }
-  double depth_at(double x) const {
-    return 1 / (inverse_left + (x - left) / (right - left) * (inverse_right - inverse_left));
-  }
-};
-
-PixelQuad quad_at(const DrawList& list, const Projection& projection, uint32_t index) {
-  const QuadVertex* corner = &list.vertices[std::size_t{4} * index];
-  const auto x = [&](int i) { return (corner[i].x / corner[i].w + 1.0) * projection.width / 2; };
-  const auto y = [&](int i) { return (corner[i].y / corner[i].w + 1.0) * projection.rows / 2; };
-  return {x(0), x(1), y(0), y(1), y(3), y(2), 1.0 / corner[0].w, 1.0 / corner[1].w, corner};
+std::vector<Strip> opaque_strips(const DrawList& list) {
+  return {list.strips.begin(), list.strips.begin() + list.opaque_end};
 }
 
 TEST(Projection, PutsTheHorizonAndTheFieldOfViewWhereDoomHasThem) {
@@ -110,21 +102,33 @@ TEST(ViewBuilder, PutsACornerAtAKnownAngleIntoAKnownColumn) {
   // The corner (200, 100) lies 200 ahead and 100 to the left: column 64 - 64 * 100 / 200 = 32. The wall ahead
   // meets the floor at row 30 + 57.6 * 41 / 200.
   int at_corner = 0;
-  for (uint32_t i = 0; i < list.opaque_end; ++i) {
-    const PixelQuad quad = quad_at(list, camera.projection(), i);
-    if (!camera.is_wall(*quad.corner)) continue;
-    if (std::abs(quad.right - 32) < 1e-3) {
+  for (const Strip& strip : opaque_strips(list)) {
+    if (!camera.is_wall(strip)) continue;
+    if (strip.column_end == 32) {
       ++at_corner;
-      EXPECT_NEAR(quad.depth_at(32 - camera.projection().wall_shift_x), 200, 0.1);
+      EXPECT_NEAR(1 / strip.inverse.at(32.0f), 200, 0.1);
     }
-    if (std::abs(quad.left - 32) < 1e-3) {
+    if (strip.column_begin == 32) {
       ++at_corner;
-      EXPECT_NEAR(quad.bottom_left, 30 + 57.6 * 41 / 200, 1e-3);
-      EXPECT_NEAR(quad.bottom_right, 30 + 57.6 * 41 / 200, 1e-3);
-      EXPECT_NEAR(quad.top_left, 30 - 57.6 * 87 / 200, 1e-3);
+      EXPECT_NEAR(strip.bottom.at(32.0f), 30 + 57.6 * 41 / 200, 1e-3);
+      EXPECT_NEAR(strip.bottom.at(90.0f), 30 + 57.6 * 41 / 200, 1e-3);
+      EXPECT_NEAR(strip.top.at(32.0f), 30 - 57.6 * 87 / 200, 1e-3);
     }
   }
   EXPECT_EQ(at_corner, 2) << "two walls meet in the corner";
+}
+
+TEST(Projection, EndsOfWallsAreRoundedAwayFromTheMiddle) {
+  const Projection projection = make_projection({});
+  EXPECT_EQ(projection.first_column(20.3f), 20);
+  EXPECT_EQ(projection.first_column(20.9f), 20);
+  EXPECT_EQ(projection.first_column(21.0f), 21);
+  EXPECT_EQ(projection.first_column(80.3f), 81);
+  EXPECT_EQ(projection.first_column(80.9f), 81);
+  EXPECT_EQ(projection.first_column(81.0f), 81);
+  EXPECT_EQ(projection.first_column(64.0f), 64);
+  for (int column = 0; column < projection.width; ++column)
+    EXPECT_EQ(projection.first_column(projection.ray_of(column)), column);
 }
 
 TEST(ViewBuilder, PicksTheSideOfASpriteThatFacesTheEye) {
@@ -149,20 +153,37 @@ struct Segment {
   double x0, y0, x1, y1;
 };
 
-/// Depth (along the view axis) of the nearest wall that the centre of `column` meets; 0 where none.
-double nearest_depth(const std::vector<Segment>& walls, double x, double y, double radians,
-                     double side_per_depth) {
-  const double dx = std::cos(radians) + side_per_depth * std::sin(radians);
-  const double dy = std::sin(radians) - side_per_depth * std::cos(radians);
-  double best = 0;
+/// A direction by the table of fine angles, as views have it.
+struct Eye {
+  double x, y, cosine, sine;
+  Eye(double at_x, double at_y, double degrees) : x(at_x), y(at_y) {
+    const auto angle = static_cast<Angle>(static_cast<int64_t>(std::llround(degrees / 360 * 4294967296.0)));
+    cosine = to_double(fine_cosine(angle)), sine = to_double(fine_sine(angle));
+  }
+};
+
+/// Where a ray meets the line that a wall lies on: the depth along the view axis, and how far along the wall, 0 to 1 within it.
+struct Meeting {
+  double depth = 0, along = 0;
+};
+Meeting meet(const Segment& wall, const Eye& eye, double side_per_depth) {
+  const double dx = eye.cosine + side_per_depth * eye.sine, dy = eye.sine - side_per_depth * eye.cosine;
+  const double ex = wall.x1 - wall.x0, ey = wall.y1 - wall.y0;
+  const double denominator = dx * ey - dy * ex;
+  if (denominator == 0) return {};
+  return {((wall.x0 - eye.x) * ey - (wall.y0 - eye.y) * ex) / denominator,
+          ((wall.x0 - eye.x) * dy - (wall.y0 - eye.y) * dx) / denominator};
+}
+
+/// The nearest wall that a ray meets; null where none.
+const Segment* nearest_wall(const std::vector<Segment>& walls, const Eye& eye, double side_per_depth) {
+  const Segment* best = nullptr;
+  double best_depth = 0;
   for (const Segment& wall : walls) {
-    const double ex = wall.x1 - wall.x0, ey = wall.y1 - wall.y0;
-    const double denominator = dx * ey - dy * ex;
-    if (denominator == 0) continue;
-    const double depth = ((wall.x0 - x) * ey - (wall.y0 - y) * ex) / denominator;
-    const double along = ((wall.x0 - x) * dy - (wall.y0 - y) * dx) / denominator;
-    if (depth <= 0 || along < 0 || along > 1) continue;
-    if (best == 0 || depth < best) best = depth;
+    const Meeting at = meet(wall, eye, side_per_depth);
+    if (at.depth <= 0 || at.along < 0 || at.along > 1 || (best != nullptr && at.depth >= best_depth))
+      continue;
+    best = &wall, best_depth = at.depth;
   }
   return best;
 }
@@ -200,42 +221,46 @@ TEST(ViewBuilder, CoversEveryPixelOfRandomHallsOnceWithTheNearestSurface) {
     const Projection& projection = camera.projection();
     const double eye_x = rng.between(-60, 60), eye_y = rng.between(-60, 60),
                  degrees = rng.between(0, 359) + 0.37;
-    const DrawList& list = camera.look(eye_x, eye_y, 41, degrees);
-    std::vector<PixelQuad> quads;
-    for (uint32_t i = 0; i < list.opaque_end; ++i) quads.push_back(quad_at(list, projection, i));
+    const Eye eye(eye_x, eye_y, degrees);
+    const std::vector<Strip> strips = opaque_strips(camera.look(eye_x, eye_y, 41, degrees));
     int edge_pixels = 0;
     for (int column = 0; column < projection.width; ++column) {
-      const double x = column + 0.5;
-      const double depth = nearest_depth(walls, eye_x, eye_y, degrees * 3.14159265358979 / 180,
-                                         (x - projection.center_x) / projection.focal_x);
-      ASSERT_GT(depth, 0);
-      const double foot = projection.center_y + projection.focal_y * 41 / depth;
-      const double head = projection.center_y - projection.focal_y * (200 - 41) / depth;
+      const auto side_at = [&](double x) { return (x - projection.center_x) / projection.focal_x; };
+      const Segment* const wall = nearest_wall(walls, eye, side_at(projection.ray_of(column)));
+      ASSERT_NE(wall, nullptr);
+      // A wall's borders run from its first whole column to its last, so they may lie up to a column beside the exact ones.
+      double foot_low = 1e9, foot_high = -1e9, head_low = 1e9, head_high = -1e9;
+      for (const double x : {column - 1.0, column + 0.0, column + 1.0}) {
+        const double depth = meet(*wall, eye, side_at(x)).depth;
+        if (depth <= 0) continue;
+        const double foot = projection.center_y + projection.focal_y * 41 / depth;
+        const double head = projection.center_y - projection.focal_y * (200 - 41) / depth;
+        foot_low = std::min(foot_low, foot), foot_high = std::max(foot_high, foot);
+        head_low = std::min(head_low, head), head_high = std::max(head_high, head);
+      }
       for (int row = 0; row < projection.rows; ++row) {
-        const double y = row + 0.5;
-        int wall_layers = 0, plane_layers = 0;
-        const PixelQuad* top = nullptr;
-        for (const PixelQuad& quad : quads) {
-          if (!quad.holds(x, y)) continue;
-          (camera.is_wall(*quad.corner) ? wall_layers : plane_layers) += 1;
-          top = &quad;
-        }
-        ASSERT_LE(wall_layers, 1) << "walls never overlap";
-        ASSERT_LE(plane_layers, 1) << "floors and ceilings never overlap";
-        ASSERT_NE(top, nullptr) << "column " << column << " row " << row << " is bare";
-        if (std::abs(y - foot) < 0.05 || std::abs(y - head) < 0.05) {
+        const double y = row + 1;
+        int layers = 0;
+        const Strip* shown = nullptr;
+        for (const Strip& strip : strips)
+          if (holds(strip, column, row)) ++layers, shown = &strip;
+        ASSERT_EQ(layers, 1) << "column " << column << " row " << row
+                             << ": each pixel belongs to one surface";
+        constexpr double kRounding = 0.05;
+        if ((y > foot_low - kRounding && y < foot_high + kRounding) ||
+            (y > head_low - kRounding && y < head_high + kRounding)) {
           ++edge_pixels;
           continue;
         }
-        const bool wall_expected = y > head && y < foot;
-        ASSERT_EQ(camera.is_wall(*top->corner), wall_expected) << "column " << column << " row " << row;
-        if (wall_expected) {
-          // Quads carry the depth of where textures are looked up, a little beside the pixel's centre.
-          EXPECT_NEAR(top->depth_at(x - projection.wall_shift_x), depth, 0.01 * depth) << "the nearest wall";
-        }
+        const bool wall_expected = y > head_high && y < foot_low;
+        ASSERT_EQ(camera.is_wall(*shown), wall_expected) << "column " << column << " row " << row;
+        if (!wall_expected) continue;
+        const float x = std::max(static_cast<float>(column), shown->x_left);
+        const double depth = meet(*wall, eye, side_at(x)).depth;
+        EXPECT_NEAR(1 / shown->inverse.at(x), depth, 0.01 * depth) << "the nearest wall";
       }
     }
-    EXPECT_LT(edge_pixels, projection.width * 4);
+    EXPECT_LT(edge_pixels, projection.width * projection.rows / 10);
   }
 }
 
@@ -251,7 +276,7 @@ TEST(ViewBuilder, AShutDoorHidesWhatAnOpenOneShows) {
       camera.catalog()[camera.catalog().find("Stimpack").value()].state(StateLabel::kSpawn));
   kit.sprite = shown.sprite, kit.frame = shown.frame;
   camera.actors.push_back(kit);
-  const auto masked = [](const DrawList& list) { return list.masked_end - list.opaque_end; };
+  const auto masked = [](const DrawList& list) { return list.strip_count() - list.opaque_end; };
   EXPECT_EQ(masked(camera.look(0, 0, 41, 0)), 1u) << "open: the kit behind it is drawn";
   camera.sectors[door].ceiling_height = 0;
   const DrawList& shut = camera.look(0, 0, 41, 0);
@@ -266,13 +291,13 @@ TEST(ViewBuilder, LinesWithNothingToSeeCostNothing) {
   builder.room(room, -256, -256, 512, 256).island(same, room, 128, -64, 160, 64);
   plain.room(plain.sector(0, 128), -256, -256, 512, 256);
   Camera camera(test::with_open_lines(builder.build())), empty(plain.build());
-  const auto quads = [&](double degrees) { return camera.look(0, 0, 41, degrees).opaque_end; };
-  const uint32_t alike = quads(0);
+  const auto strips = [&](double degrees) { return camera.look(0, 0, 41, degrees).opaque_end; };
+  const uint32_t alike = strips(0);
   EXPECT_EQ(alike, empty.look(0, 0, 41, 0).opaque_end) << "two sectors that look alike need no border";
-  const uint32_t behind = quads(180);
+  const uint32_t behind = strips(180);
   camera.sectors[same].floor_height = to_fixed(16);
-  EXPECT_GT(quads(0), alike);
-  EXPECT_EQ(quads(180), behind) << "behind the eye";
+  EXPECT_GT(strips(0), alike);
+  EXPECT_EQ(strips(180), behind) << "behind the eye";
 }
 
 TEST(ViewBuilder, EveryPixelOfSteppedRoomsIsPaintedOnce) {
@@ -290,22 +315,17 @@ TEST(ViewBuilder, EveryPixelOfSteppedRoomsIsPaintedOnce) {
       }
     Camera camera(test::with_open_lines(builder.build()));
     const Projection& projection = camera.projection();
-    const DrawList& list = camera.look(-880, rng.between(-800, 800), 41, rng.between(-30, 30));
-    std::vector<PixelQuad> quads;
-    for (uint32_t i = 0; i < list.opaque_end; ++i) quads.push_back(quad_at(list, projection, i));
-    // Corners lie on a grid of 1/256 pixel; an edge through a pixel's centre has the pixel on its right.
-    constexpr double kCenter = 0.5 + 1.0 / 1024;
+    const std::vector<Strip> strips =
+        opaque_strips(camera.look(-880, rng.between(-800, 800), 41, rng.between(-30, 30)));
     int twice = 0;
     for (int column = 0; column < projection.width; ++column)
       for (int row = 0; row < projection.rows; ++row) {
-        const auto layers = std::count_if(quads.begin(), quads.end(), [&](const PixelQuad& quad) {
-          return quad.holds(column + kCenter, row + kCenter);
-        });
+        const auto layers =
+            std::ranges::count_if(strips, [&](const Strip& strip) { return holds(strip, column, row); });
         ASSERT_GE(layers, 1) << "column " << column << " row " << row << " is bare";
         twice += layers > 1;
       }
-    // A surface goes on for a sixteenth of a row below a nearer one.
-    EXPECT_LT(twice, projection.width * projection.rows / 20);
+    EXPECT_EQ(twice, 0) << "pixels that belong to two surfaces";
   }
 }
 
@@ -315,8 +335,9 @@ TEST(ViewBuilder, AnEyeOutsideTheMapSeesNothingAndSurvives) {
   Camera camera(builder.build());
   for (int degrees = 0; degrees < 360; degrees += 15) {
     const DrawList& list = camera.look(4000, 4000, 41, degrees);
-    for (const QuadVertex& vertex : list.vertices)
-      EXPECT_TRUE(std::isfinite(vertex.x) && std::isfinite(vertex.y) && vertex.w > 0);
+    for (const Strip& strip : list.strips)
+      EXPECT_TRUE(std::isfinite(strip.inverse.at_zero) && std::isfinite(strip.top.at_zero) &&
+                  std::isfinite(strip.bottom.slope));
   }
 }
 

@@ -7,6 +7,7 @@
 #include <map>
 #include <sstream>
 
+#include "scenarios/spec/registry.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/vizdoom_python.h"
 #include "tests/unit/sim_workers/render/vizdoom_pictures.h"
@@ -96,21 +97,24 @@ class VizdoomPictureParity : public ::testing::Test {
     bool hud = false;
     std::string map;  ///< empty: the cfg's
     double limit = 12.0;
+    double equal = 0.99;      ///< share of pixels that are ViZDoom's, over all views
+    std::string folder = {};  ///< of the cfg and its WAD; empty: the package's
   };
 
   void compare(const Case& wanted) {
     const std::string label = wanted.scenario + wanted.map + (wanted.monsters ? "" : "_nomonsters");
     const std::string out = folder_ / label;
     const std::string source = std::string(COMRAD_SOURCE_DIR) + "/tests/golden/render/vizdoom/";
-    std::string command = "timeout 100 '" + python_ + "' -B '" + source + "record.py' " + wanted.scenario +
-                          " '" + out + "' --at " + wanted.at + " --script '" + source + "walk.csv' --iwad '" +
+    const std::string games = wanted.folder.empty() ? scenarios_ : wanted.folder + "/";
+    const std::string config = games + wanted.scenario + ".cfg";
+    std::string command = "timeout 100 '" + python_ + "' -B '" + source + "record.py' '" + config + "' '" +
+                          out + "' --at " + wanted.at + " --script '" + source + "walk.csv' --iwad '" +
                           iwad_ + "'";
     if (!wanted.monsters) command += " --no_monsters";
     if (wanted.hud) command += " --hud";
     if (!wanted.map.empty()) command += " --map " + wanted.map;
     ASSERT_TRUE(comrad::test::runs_well(command)) << command;
 
-    std::string config = scenarios_ + wanted.scenario + ".cfg";
     trace::GameOptions options;
     // The same cfg, with what the recorder changed.
     const std::vector<uint8_t> text = test::file_bytes(config);
@@ -119,7 +123,7 @@ class VizdoomPictureParity : public ::testing::Test {
                            << "\nrender_hud = " << (wanted.hud ? "true" : "false")
                            << "\nrender_crosshair = false\nrender_screen_flashes = false\n"
                            << (wanted.map.empty() ? "" : "doom_map = " + wanted.map + "\n");
-    for (const auto& entry : std::filesystem::directory_iterator(scenarios_))
+    for (const auto& entry : std::filesystem::directory_iterator(games))
       if (entry.path().extension() == ".wad" && !std::filesystem::exists(folder_ / entry.path().filename()))
         std::filesystem::create_symlink(entry.path(), folder_ / entry.path().filename());
     options.target = changed;
@@ -134,6 +138,7 @@ class VizdoomPictureParity : public ::testing::Test {
     const auto rows = read_csv(out + "/trace.csv"), things = read_csv(out + "/things.csv");
     const char* pictures = std::getenv("COMRAD_PICTURES");
     int views = 0;
+    double equal = 0;
     for (const auto& row : rows) {
       const int t = std::stoi(row.at("t"));
       if (t > 0) (*game)->step({});  // the weapon rises and swings by the clock
@@ -154,9 +159,11 @@ class VizdoomPictureParity : public ::testing::Test {
       test::ReferencePainter::print(name, *difference);
       test::ReferencePainter::expect_alike(name, *difference, wanted.limit);
       edges_.add(*difference);
+      equal += difference->equal_share;
       ++views;
     }
-    EXPECT_GT(views, 0);
+    ASSERT_GT(views, 0);
+    EXPECT_GE(equal / views, wanted.equal) << label;
   }
 
   std::string python_, scenarios_, iwad_;
@@ -184,11 +191,32 @@ TEST_F(VizdoomPictureParity, OnLargerMapsWithStatusBar) {
     compare({.scenario = scenario, .monsters = false, .at = "0,35,105,175,240,300", .hud = true, .map = ""});
 }
 
+TEST_F(VizdoomPictureParity, OnOurScenarios) {
+  test::ReferencePainter::print_header();
+  const comrad::test::ScratchFolder games;
+  for (const std::string& name : scenarios::layout_recipes()) {
+    if (name == "lava_maze") continue;  // over at once where one plays alone
+    const auto layout = scenarios::generate_layout(name, {});
+    ASSERT_TRUE(layout.has_value()) << layout.error().message;
+    games.write(name + ".wad", layout->wad);
+    games.write(name + ".cfg", "doom_scenario_path = " + name +
+                                   ".wad\ndoom_map = MAP01\navailable_buttons = { ATTACK }\nmode = PLAYER\n");
+    // One picture each, before the scripts of both engines draw different lots; texts of scripts lie a row or two lower here.
+    compare({.scenario = name, .at = "3", .hud = true, .map = "", .equal = 0.9, .folder = games / ""});
+  }
+}
+
 TEST_F(VizdoomPictureParity, OnMapsOfTheIwad) {
   test::ReferencePainter::print_header();
-  for (const char* map : {"MAP01", "MAP02", "MAP07", "MAP15", "MAP29"})
-    compare(
-        {.scenario = "freedoom2", .monsters = false, .at = "1,35,105,200,240,300", .hud = true, .map = map});
+  // MAP07 shows a message, MAP29 torches whose flames ViZDoom starts by chance.
+  for (const auto& [map, equal] :
+       {std::pair{"MAP01", 0.98}, {"MAP02", 0.98}, {"MAP07", 0.92}, {"MAP15", 0.975}, {"MAP29", 0.9}})
+    compare({.scenario = "freedoom2",
+             .monsters = false,
+             .at = "1,35,105,200,240,300",
+             .hud = true,
+             .map = map,
+             .equal = equal});
 }
 
 }  // namespace vizdoom_picture_parity_test

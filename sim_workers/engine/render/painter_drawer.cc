@@ -1,0 +1,31 @@
+#include "sim_workers/engine/render/painter_drawer.h"
+
+#include <algorithm>
+
+namespace comrad::doom {
+
+PainterDrawer::PainterDrawer(const RenderOptions& options, const Projection& projection,
+                             const ArtAtlas* atlas, ColorTables* colors)
+    : painter_(projection, atlas),
+      colors_(*colors),
+      width_(projection.width),
+      plane_(static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height)),
+      subjects_(static_cast<std::size_t>(projection.width) * static_cast<std::size_t>(projection.rows)) {}
+
+void PainterDrawer::finish(std::size_t, int palette, Sight sight, uint8_t* destination) {
+  const DrawList& list = *drawn_;
+  painter_.paint(list, colors_.light_rows(sight, std::span(list.tints).first(list.tint_count)), &picture_);
+  const uint32_t* const lit = colors_.lit(palette);
+  show_indices(picture_.indices, lit, plane_, destination);
+  if (list.has_blended)
+    blend_indices(picture_.layer_indices, picture_.layer_blends, list.blended_box, lit,
+                  std::span(list.blends).first(list.blend_count), width_, plane_, destination);
+}
+
+int PainterDrawer::undrawn_pixels() {
+  constexpr uint32_t kNothing = UINT32_MAX;
+  painter_.paint_subjects(*drawn_, kNothing, subjects_.data());
+  return static_cast<int>(std::ranges::count(subjects_, kNothing));
+}
+
+}  // namespace comrad::doom
