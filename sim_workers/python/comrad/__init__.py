@@ -10,7 +10,7 @@
     run = comrad.Run("train_dir/RUN")                               # settings, metrics, checkpoints
 
 `scenarios()` names the scenarios, `describe(name)` says what one is. Errors of arguments and files are ValueError and
-FileNotFoundError with words; what the machine lacks (OSMesa, an IWAD) is RuntimeError or FileNotFoundError saying what to install.
+FileNotFoundError with words; what the machine lacks (a library, an IWAD) is RuntimeError or FileNotFoundError saying what to install.
 """
 
 import functools

@@ -4,7 +4,6 @@ import re
 
 REQUIRED = ("gymnasium", "numpy", "pettingzoo")
 PACKAGES = {  # Debian's, by the beginning of a library's name; {} is the version behind it
-    "libOSMesa.so.": "libosmesa6",
     "libopencv_core.so.": "libopencv-core{}",
     "libopencv_imgproc.so.": "libopencv-imgproc{}",
     "libpng16.so.": "libpng16-{}",
