@@ -34,7 +34,7 @@ compare() { # NAME C++-COMPILER FLAGS
     echo "$1: $2 is not installed; left out"
     return 0
   }
-  cmake -S "${source}" -B "${folder}/$1" -G Ninja -DCMAKE_CXX_COMPILER="$2" -DCMAKE_C_COMPILER="${2/++/}" \
+  cmake -S "${source}" -B "${folder}/$1" -G Ninja -DCMAKE_CXX_COMPILER="$2" \
     -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS="$3" >"${folder}/$1.log" 2>&1 &&
     nice cmake --build "${folder}/$1" --target view_hashes >>"${folder}/$1.log" 2>&1 || {
     tail -30 "${folder}/$1.log" >&2

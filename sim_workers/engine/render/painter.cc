@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 namespace comrad::doom {
 namespace {
@@ -54,43 +55,79 @@ int clamped_row(float edge, int rows) {
   return edge < static_cast<float>(rows) ? static_cast<int>(edge) : rows;
 }
 
-// What is left at a pixel. of() takes how a surface is drawn, 1/depth and 1/depth for its light, and calls use(brush), where
-// brush(pixel, texel) paints.
+// A brush leaves something at a pixel: turn(inverse, light_inverse) gives it 1/depth of the surface and of its light, brush(pixel,
+// texel) paints. Brushes pick the one for a surface and call use(brush).
+
+struct ColourBrush {
+  uint8_t* indices;
+  const uint8_t* rows;  // of the light table
+  std::size_t row_stride;
+  float shade;
+  const uint8_t* row = nullptr;
+  void turn(float, float light_inverse) {
+    row = rows + static_cast<std::size_t>(light_row(shade, light_inverse)) * row_stride;
+  }
+  void operator()(std::size_t at, uint8_t texel) const { indices[at] = row[texel]; }
+};
+
+/// Of a picture with see-through surfaces: what is nearer takes theirs away.
+struct ColourOverLayerBrush : ColourBrush {
+  uint8_t* blends;
+  void operator()(std::size_t at, uint8_t texel) const {
+    indices[at] = row[texel];
+    blends[at] = 0;
+  }
+};
+
+struct LayerBrush : ColourBrush {  // indices are the layer's
+  uint8_t* blends;
+  uint8_t blend;
+  void operator()(std::size_t at, uint8_t texel) const {
+    indices[at] = row[texel];
+    blends[at] = blend;
+  }
+};
+
 struct ColourBrushes {
   const LightRows& light;
   PaintedPicture& picture;
   bool layered;
 
   template <typename Use>
-  void of(const Paint& paint, bool masked, float shade, int32_t, float, float light_inverse,
-          Use&& use) const {
-    const uint8_t* const row =
-        light.rows[paint.tint] + static_cast<std::size_t>(light_row(shade, light_inverse)) * light.row_stride;
-    uint8_t* const indices = picture.indices.data();
-    if (!masked || !layered) return use([=](std::size_t at, uint8_t texel) { indices[at] = row[texel]; });
+  void pick(const Paint& paint, bool masked, float shade, int32_t, Use&& use) const {
+    const ColourBrush plain{picture.indices.data(), light.rows[paint.tint], light.row_stride, shade};
+    if (!masked || !layered) return use(plain);
     uint8_t* const blends = picture.layer_blends.data();
-    if (!paint.blended)
-      return use([=](std::size_t at, uint8_t texel) { indices[at] = row[texel], blends[at] = 0; });
-    uint8_t* const layer = picture.layer_indices.data();
-    const auto blend = static_cast<uint8_t>(paint.blend + 1);
-    use([=](std::size_t at, uint8_t texel) { layer[at] = row[texel], blends[at] = blend; });
+    if (!paint.blended) return use(ColourOverLayerBrush{plain, blends});
+    LayerBrush brush{plain, blends, static_cast<uint8_t>(paint.blend + 1)};
+    brush.indices = picture.layer_indices.data();
+    use(brush);
   }
+};
+
+template <typename Value>
+struct ValueBrush {
+  Value* values;
+  Value value;
+  void turn(float inverse, float) {
+    if constexpr (std::is_same_v<Value, float>) value = inverse > 0 ? 1.0f / inverse : 0.0f;
+  }
+  void operator()(std::size_t at, uint8_t) const { values[at] = value; }
 };
 
 struct DepthBrushes {
   float* depth;
   template <typename Use>
-  void of(const Paint&, bool, float, int32_t, float inverse, float, Use&& use) const {
-    const float value = inverse > 0 ? 1.0f / inverse : 0.0f;
-    use([=, this](std::size_t at, uint8_t) { depth[at] = value; });
+  void pick(const Paint&, bool, float, int32_t, Use&& use) const {
+    use(ValueBrush<float>{depth, 0});
   }
 };
 
 struct SubjectBrushes {
   uint32_t* subjects;
   template <typename Use>
-  void of(const Paint&, bool, float, int32_t subject, float, float, Use&& use) const {
-    use([=, this](std::size_t at, uint8_t) { subjects[at] = static_cast<uint32_t>(subject); });
+  void pick(const Paint&, bool, float, int32_t subject, Use&& use) const {
+    use(ValueBrush<uint32_t>{subjects, static_cast<uint32_t>(subject)});
   }
 };
 
@@ -135,54 +172,74 @@ void Painter::paint_all(const DrawList& list, const Brushes& brushes) {
 
 template <typename Brushes>
 void Painter::paint_columns(const DrawList& list, const Strip& strip, const Brushes& brushes) {
+  brushes.pick(strip.paint, strip.masked, strip.shade, strip.subject, [&](auto brush) {
+    if (strip.kind == Strip::Kind::kPicture)
+      paint_picture(list, strip, brush);
+    else
+      paint_wall(list, strip, brush);
+  });
+}
+
+template <typename Brush>
+void Painter::paint_wall(const DrawList& list, const Strip& strip, Brush brush) {
   const auto stride = static_cast<std::size_t>(projection_.width);
   const uint32_t width = strip.region.width, height = strip.region.height;
   const uint8_t* const image = atlas_.columns() + strip.region.columns;
-  const bool is_wall = strip.kind == Strip::Kind::kWall;
   const auto center = static_cast<int>(list.center_y);
   const int64_t v_horizon = nearest_fixed(strip.v_horizon);
-  int32_t picture_u = strip.u_begin;
-  for (int column = strip.column_begin; column < strip.column_end; ++column, picture_u += strip.u_step) {
+  for (int column = strip.column_begin; column < strip.column_end; ++column) {
     const auto x = static_cast<float>(column);
     const int begin = clamped_row(strip.top.at(x), projection_.rows),
               end = clamped_row(strip.bottom.at(x), projection_.rows);
     if (begin >= end) continue;
-    const float texel_x = is_wall ? std::max(x, strip.x_left) : x;
+    const float texel_x = std::max(x, strip.x_left);
     const float inverse = strip.inverse.at(texel_x);
     const double depth = 1.0 / inverse;
     const int64_t v_step = nearest_fixed(strip.v_step * depth);
     const int64_t v = v_horizon + (begin + 1 - center) * v_step;
     uint32_t u = 0;
-    if (is_wall)
-      walk_along(texel_fixed(strip.u_offset + strip.u_over_depth.at(texel_x) * depth), 0, width,
-                 [&](auto walk) { u = walk.texel(); });
-    else
-      u = std::min(static_cast<uint32_t>(std::max(picture_u, 0)) >> 16, width - 1);
+    walk_along(texel_fixed(strip.u_offset + strip.u_over_depth.at(texel_x) * depth), 0, width,
+               [&](auto walk) { u = walk.texel(); });
     const uint8_t* const texels = image + std::size_t{u} * height;
     std::size_t pixel = at(begin, column);
     const std::size_t last = at(end, column);
-    brushes.of(strip.paint, strip.masked, strip.shade, strip.subject, inverse, strip.light.at(x),
-               [&](const auto& brush) {
-                 if (!is_wall) {  // the picture ends where its texels do
-                   const int64_t texels_end = int64_t{height} << 16;
-                   int64_t at_texel = v;
-                   for (; pixel != last; pixel += stride, at_texel += v_step) {
-                     const uint8_t texel = texels[std::clamp<int64_t>(at_texel, 0, texels_end - 1) >> 16];
-                     if (texel != kTransparentIndex) brush(pixel, texel);
-                   }
-                   return;
-                 }
-                 walk_along(v, v_step, height, [&](auto walk) {
-                   if (strip.masked) {
-                     for (; pixel != last; pixel += stride, walk.advance())
-                       if (const uint8_t texel = texels[walk.texel()]; texel != kTransparentIndex)
-                         brush(pixel, texel);
-                   } else {
-                     for (; pixel != last; pixel += stride, walk.advance())
-                       brush(pixel, texels[walk.texel()]);
-                   }
-                 });
-               });
+    brush.turn(inverse, strip.light.at(x));
+    walk_along(v, v_step, height, [&](auto walk) {
+      if (strip.masked) {
+        for (; pixel != last; pixel += stride, walk.advance())
+          if (const uint8_t texel = texels[walk.texel()]; texel != kTransparentIndex) brush(pixel, texel);
+      } else {
+        for (; pixel != last; pixel += stride, walk.advance()) brush(pixel, texels[walk.texel()]);
+      }
+    });
+  }
+}
+
+/// It ends where its texels do.
+template <typename Brush>
+void Painter::paint_picture(const DrawList& list, const Strip& strip, Brush brush) {
+  const auto stride = static_cast<std::size_t>(projection_.width);
+  const uint32_t width = strip.region.width, height = strip.region.height;
+  const int64_t v_last = (int64_t{height} << 16) - 1;
+  const float inverse = strip.inverse.at_zero;
+  const int64_t v_step = nearest_fixed(strip.v_step * (1.0 / inverse));
+  const int64_t v_row_0 =
+      nearest_fixed(strip.v_horizon) + (1 - static_cast<int64_t>(list.center_y)) * v_step;
+  brush.turn(inverse, strip.light.at_zero);
+  int32_t u = strip.u_begin;
+  for (int column = strip.column_begin; column < strip.column_end; ++column, u += strip.u_step) {
+    const auto x = static_cast<float>(column);
+    const int begin = clamped_row(strip.top.at(x), projection_.rows),
+              end = clamped_row(strip.bottom.at(x), projection_.rows);
+    const uint8_t* const texels =
+        atlas_.columns() + strip.region.columns +
+        std::size_t{std::min(static_cast<uint32_t>(std::max(u, 0)) >> 16, width - 1)} * height;
+    int64_t v = v_row_0 + begin * v_step;
+    std::size_t pixel = at(begin, column);
+    for (int row = begin; row < end; ++row, pixel += stride, v += v_step) {
+      const uint8_t texel = texels[std::clamp<int64_t>(v, 0, v_last) >> 16];
+      if (texel != kTransparentIndex) brush(pixel, texel);
+    }
   }
 }
 
@@ -191,23 +248,24 @@ void Painter::paint_sky(const DrawList& list, const Strip& strip, const Brushes&
   const auto stride = static_cast<std::size_t>(projection_.width);
   const uint32_t width = strip.region.width, height = strip.region.height;
   const SkyRows rows = sky_rows(height, projection_.focal_y);
-  for (int column = strip.column_begin; column < strip.column_end; ++column) {
-    const auto x = static_cast<float>(column);
-    const int begin = clamped_row(strip.top.at(x), projection_.rows),
-              end = clamped_row(strip.bottom.at(x), projection_.rows);
-    if (begin >= end) continue;
-    // 1024 columns of a sky a turn.
-    const uint32_t u = (list.sky_angle - projection_.sky_angles[static_cast<std::size_t>(column)]) >> 22;
-    const uint8_t* const texels = atlas_.columns() + strip.region.columns + std::size_t{u % width} * height;
-    const double v = rows.horizon + (begin + 1 - static_cast<double>(list.center_y)) * rows.step;
-    std::size_t pixel = at(begin, column);
-    const std::size_t last = at(end, column);
-    brushes.of(strip.paint, false, 0, strip.subject, 0, 0, [&](const auto& brush) {
+  brushes.pick(strip.paint, false, 0, strip.subject, [&](auto brush) {
+    brush.turn(0, 0);
+    for (int column = strip.column_begin; column < strip.column_end; ++column) {
+      const auto x = static_cast<float>(column);
+      const int begin = clamped_row(strip.top.at(x), projection_.rows),
+                end = clamped_row(strip.bottom.at(x), projection_.rows);
+      // 1024 columns of a sky a turn.
+      const uint32_t u = (list.sky_angle - projection_.sky_angles[static_cast<std::size_t>(column)]) >> 22;
+      const uint8_t* const texels =
+          atlas_.columns() + strip.region.columns + std::size_t{u % width} * height;
+      const double v = rows.horizon + (begin + 1 - static_cast<double>(list.center_y)) * rows.step;
+      std::size_t pixel = at(begin, column);
       walk_along(texel_fixed(v), texel_fixed(rows.step), height, [&](auto walk) {
-        for (; pixel != last; pixel += stride, walk.advance()) brush(pixel, texels[walk.texel()]);
+        for (int row = begin; row < end; ++row, pixel += stride, walk.advance())
+          brush(pixel, texels[walk.texel()]);
       });
-    });
-  }
+    }
+  });
 }
 
 // ---------------------------------------------------------------- floors and ceilings: row by row
@@ -226,58 +284,64 @@ void Painter::paint_planes(const DrawList& list, const Brushes& brushes) {
   }
   for (std::size_t index = 0; index < list.planes.size(); ++index) {
     const Plane& plane = list.planes[index];
-    const uint32_t width = plane.region.width, height = plane.region.height;
-    const uint8_t* const image = atlas_.columns() + plane.region.columns;
-    const double factor = std::abs(plane.row_factor);
-    const auto paint_row = [&](int row, int begin, int end) {
-      const double depth = factor / std::abs(row + 0.5 - list.center_y);
-      const double right = begin + 1 - static_cast<double>(projection_.center_x);
-      const double u_step = depth * plane.u_right, v_step = depth * plane.v_right;
-      const double u = plane.u_eye + depth * plane.u_ahead + u_step * right;
-      const double v = plane.v_eye + depth * plane.v_ahead + v_step * right;
-      std::size_t pixel = at(row, begin);
-      const std::size_t last = at(row, end);
-      const double light = std::abs(row - list.center_y) / factor;
-      brushes.of({.tint = plane.tint}, false, plane.shade, kPlaneSubject, static_cast<float>(1.0 / depth),
-                 static_cast<float>(light), [&](const auto& brush) {
-                   walk_along(texel_fixed(u), texel_fixed(u_step), width, [&](auto across) {
-                     walk_along(texel_fixed(v), texel_fixed(v_step), height, [&](auto down) {
-                       for (; pixel != last; ++pixel, across.advance(), down.advance())
-                         brush(pixel, image[across.texel() * height + down.texel()]);
-                     });
-                   });
-                 });
-    };
-    // Rows [top, bottom) of the column before are open, each since row_begins_.
-    int top = 0, bottom = 0, column_end = 0;
-    const auto turn_to = [&](int column, int next_top, int next_bottom) {
-      const auto close = [&](int from, int to) {
-        for (int row = from; row < to; ++row)
-          paint_row(row, row_begins_[static_cast<std::size_t>(row)], column);
-      };
-      const auto open = [&](int from, int to) {
-        for (int row = from; row < to; ++row) row_begins_[static_cast<std::size_t>(row)] = column;
-      };
-      close(top, std::min(bottom, next_top)), close(std::max(top, next_bottom), bottom);
-      open(next_top, std::min(next_bottom, top)), open(std::max(next_top, bottom), next_bottom);
-      top = next_top, bottom = next_bottom;
-    };
-    for (uint32_t i = plane_strips_[index].first; i != kNoStrip; i = next_strips_[i]) {
-      const Strip& strip = list.strips[i];
-      if (strip.column_begin != column_end) turn_to(column_end, 0, 0);
-      for (int column = strip.column_begin; column < strip.column_end; ++column) {
-        const auto x = static_cast<float>(column);
-        const int next_top = clamped_row(strip.top.at(x), projection_.rows),
-                  next_bottom = clamped_row(strip.bottom.at(x), projection_.rows);
-        if (next_top < next_bottom)
-          turn_to(column, next_top, next_bottom);
-        else
-          turn_to(column, 0, 0);
-      }
-      column_end = strip.column_end;
-    }
-    turn_to(column_end, 0, 0);
+    brushes.pick({.tint = plane.tint}, false, plane.shade, kPlaneSubject,
+                 [&](auto brush) { paint_plane(list, plane, plane_strips_[index].first, brush); });
   }
+}
+
+template <typename Brush>
+void Painter::paint_plane(const DrawList& list, const Plane& plane, uint32_t first_strip, Brush brush) {
+  // Rows [top, bottom) of the column before are open, each since row_begins_.
+  int top = 0, bottom = 0, column_end = 0;
+  const auto turn_to = [&](int column, int next_top, int next_bottom) {
+    const auto close = [&](int from, int to) {
+      for (int row = from; row < to; ++row)
+        paint_row(list, plane, row, row_begins_[static_cast<std::size_t>(row)], column, &brush);
+    };
+    const auto open = [&](int from, int to) {
+      for (int row = from; row < to; ++row) row_begins_[static_cast<std::size_t>(row)] = column;
+    };
+    close(top, std::min(bottom, next_top)), close(std::max(top, next_bottom), bottom);
+    open(next_top, std::min(next_bottom, top)), open(std::max(next_top, bottom), next_bottom);
+    top = next_top, bottom = next_bottom;
+  };
+  for (uint32_t i = first_strip; i != kNoStrip; i = next_strips_[i]) {
+    const Strip& strip = list.strips[i];
+    if (strip.column_begin != column_end) turn_to(column_end, 0, 0);
+    for (int column = strip.column_begin; column < strip.column_end; ++column) {
+      const auto x = static_cast<float>(column);
+      const int next_top = clamped_row(strip.top.at(x), projection_.rows),
+                next_bottom = clamped_row(strip.bottom.at(x), projection_.rows);
+      if (next_top < next_bottom)
+        turn_to(column, next_top, next_bottom);
+      else
+        turn_to(column, 0, 0);
+    }
+    column_end = strip.column_end;
+  }
+  turn_to(column_end, 0, 0);
+}
+
+/// Pixels [begin, end) of a row.
+template <typename Brush>
+void Painter::paint_row(const DrawList& list, const Plane& plane, int row, int begin, int end, Brush* brush) {
+  const uint32_t width = plane.region.width, height = plane.region.height;
+  const uint8_t* const image = atlas_.columns() + plane.region.columns;
+  const double factor = std::abs(plane.row_factor);
+  const double depth = factor / std::abs(row + 0.5 - list.center_y);
+  const double right = begin + 1 - static_cast<double>(projection_.center_x);
+  const double across = depth * plane.u_right, down = depth * plane.v_right;
+  const int64_t u = texel_fixed(plane.u_eye + depth * plane.u_ahead + across * right),
+                v = texel_fixed(plane.v_eye + depth * plane.v_ahead + down * right);
+  brush->turn(static_cast<float>(1.0 / depth), static_cast<float>(std::abs(row - list.center_y) / factor));
+  std::size_t pixel = at(row, begin);
+  const std::size_t last = at(row, end);
+  walk_along(u, texel_fixed(across), width, [&](auto column) {
+    walk_along(v, texel_fixed(down), height, [&](auto texel) {
+      for (; pixel != last; ++pixel, column.advance(), texel.advance())
+        (*brush)(pixel, image[column.texel() * height + texel.texel()]);
+    });
+  });
 }
 
 }  // namespace comrad::doom

@@ -41,11 +41,19 @@ class Painter {
   template <typename Brushes>
   void paint_all(const DrawList& list, const Brushes& brushes);
   template <typename Brushes>
-  void paint_planes(const DrawList& list, const Brushes& brushes);
-  template <typename Brushes>
   void paint_columns(const DrawList& list, const Strip& strip, const Brushes& brushes);
+  template <typename Brush>
+  void paint_wall(const DrawList& list, const Strip& strip, Brush brush);
+  template <typename Brush>
+  void paint_picture(const DrawList& list, const Strip& strip, Brush brush);
   template <typename Brushes>
   void paint_sky(const DrawList& list, const Strip& strip, const Brushes& brushes);
+  template <typename Brushes>
+  void paint_planes(const DrawList& list, const Brushes& brushes);
+  template <typename Brush>
+  void paint_plane(const DrawList& list, const Plane& plane, uint32_t first_strip, Brush brush);
+  template <typename Brush>
+  void paint_row(const DrawList& list, const Plane& plane, int row, int begin, int end, Brush* brush);
 
   std::size_t at(int row, int column) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(projection_.width) +

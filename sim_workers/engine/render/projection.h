@@ -32,7 +32,7 @@ struct Projection {
   }
   /// The first column whose ray is not left of x.
   int first_column(float x) const {
-    const int column = static_cast<int>(std::floor(x));
+    const int cut = static_cast<int>(x), column = cut - (static_cast<float>(cut) > x ? 1 : 0);
     return ray_of(column) >= x ? column : column + 1;
   }
 };

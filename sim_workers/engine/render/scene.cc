@@ -93,8 +93,9 @@ Expected<std::unique_ptr<Scene>> Scene::create(std::shared_ptr<const Level> leve
   }
   for (const Linedef& linedef : level->linedefs) {
     SceneLine line;
-    line.start = linedef.start, line.end = linedef.end;
-    line.two_sided = linedef.back.has_value();
+    LineShape shape;
+    shape.start = linedef.start, shape.end = linedef.end;
+    shape.two_sided = linedef.back.has_value();
     line.upper_unpegged = (linedef.flags & kLineUpperUnpegged) != 0;
     line.lower_unpegged = (linedef.flags & kLineLowerUnpegged) != 0;
     line.wraps_middle = (linedef.flags & kLineWrapMidtex) != 0 ||
@@ -103,21 +104,23 @@ Expected<std::unique_ptr<Scene>> Scene::create(std::shared_ptr<const Level> leve
                         (level->sidedefs[linedef.front].flags & kSideClipMiddle) != 0;
     line.in_polyobject = linedef.in_polyobject;
     line.alpha = linedef.alpha, line.additive = linedef.additive;
-    const float dx = scene->vertex_x[line.end] - scene->vertex_x[line.start];
-    const float dy = scene->vertex_y[line.end] - scene->vertex_y[line.start];
-    line.length = std::sqrt(dx * dx + dy * dy);
+    const float dx = scene->vertex_x[shape.end] - scene->vertex_x[shape.start];
+    const float dy = scene->vertex_y[shape.end] - scene->vertex_y[shape.start];
+    shape.length = std::sqrt(dx * dx + dy * dy), shape.texel_length = std::round(shape.length);
     COMRAD_TRY_ASSIGN(line.front, resolve_side(*level, linedef.front, dx, dy, atlas));
     if (linedef.back) {
       COMRAD_TRY_ASSIGN(line.back, resolve_side(*level, *linedef.back, dx, dy, atlas));
     }
+    shape.front_sector = line.front.sector, shape.back_sector = line.back.sector;
+    scene->shapes.push_back(shape);
     scene->lines.push_back(std::move(line));
   }
   std::vector<std::vector<uint32_t>> touching(level->sectors.size());
   for (uint32_t index = 0; index < scene->lines.size(); ++index) {
-    const SceneLine& line = scene->lines[index];
-    if (line.in_polyobject) continue;
-    touching[line.front.sector].push_back(index);
-    if (line.two_sided && line.back.sector != line.front.sector) touching[line.back.sector].push_back(index);
+    const LineShape& shape = scene->shapes[index];
+    if (scene->lines[index].in_polyobject) continue;
+    touching[shape.front_sector].push_back(index);
+    if (shape.two_sided && shape.back_sector != shape.front_sector) touching[shape.back_sector].push_back(index);
   }
   scene->sector_line_begin.push_back(0);
   for (const std::vector<uint32_t>& lines : touching) {

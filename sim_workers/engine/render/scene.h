@@ -34,12 +34,18 @@ struct SceneSide {
   bool light_absolute = false;
 };
 
+/// Where a line lies: asked of every line near the eye, so apart from its textures.
+struct LineShape {
+  uint32_t start = 0, end = 0;  ///< vertices
+  uint32_t front_sector = 0, back_sector = 0;
+  float length = 0, texel_length = 0;  ///< textures are laid along the length in whole units
+  bool two_sided = false;
+};
+
 struct SceneLine {
-  uint32_t start = 0, end = 0;
-  bool two_sided = false, upper_unpegged = false, lower_unpegged = false;
+  bool upper_unpegged = false, lower_unpegged = false;
   bool wraps_middle = false, clips_middle = false;
   bool in_polyobject = false;
-  float length = 0;
   float alpha = 1;  ///< of see-through middle textures
   bool additive = false;
   SceneSide front, back;
@@ -61,6 +67,7 @@ class Scene {
   const Level& level() const { return *level_; }
 
   std::vector<float> vertex_x, vertex_y;
+  std::vector<LineShape> shapes;             ///< [line]
   std::vector<SceneLine> lines;
   std::vector<uint32_t> sector_line_begin;   ///< [sector + 1] into sector_lines
   std::vector<uint32_t> sector_lines;        ///< lines that touch each sector, those of polyobjects left out

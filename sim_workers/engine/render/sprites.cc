@@ -140,7 +140,7 @@ void Sprites::collect_gratings() {
   for (const uint32_t index : visibility_.partial_spans()) {
     const WallSpan& span = visibility_.spans()[index];
     const SceneLine& line = frame_.scene->lines[span.line];
-    if (!line.two_sided || !visibility_.near_side(span).middle.present) continue;
+    if (!frame_.scene->shapes[span.line].two_sided || !visibility_.near_side(span).middle.present) continue;
     const float set = span.line < frame_.view->lines.size() ? frame_.view->lines[span.line].alpha : -1.0f;
     const SectorNow& now = frame_.sector(span.near_sector);
     const SectorNow& beyond = frame_.sector(span.far_sector);

@@ -39,9 +39,8 @@ void Surfaces::emit() {
 }
 
 Surfaces::Border Surfaces::measure_border(const WallSpan& span) {
-  const SceneLine& line = frame_.scene->lines[span.line];
-  const SceneSide& side = visibility_.near_side(span);
   Border border;
+  const SceneSide& side = *(border.side = &visibility_.near_side(span));
   const SectorNow& now = *(border.now = &frame_.sector(span.near_sector));
   const SectorNow& beyond = *(border.beyond = &frame_.sector(span.far_sector));
   border.lines = {line_at(span, now.floor), line_at(span, now.ceiling),
@@ -52,7 +51,7 @@ Surfaces::Border Surfaces::measure_border(const WallSpan& span) {
   // From below a floor hides nothing (an eye may be there while a lift rises past it).
   border.floor_ends = now.floor < frame_.eye_z;
   border.ceiling_ends = now.ceiling > frame_.eye_z;
-  if (!line.two_sided) {
+  if (!frame_.scene->shapes[span.line].two_sided) {
     border.middle = side.middle.present;
     return border;
   }
@@ -296,7 +295,7 @@ void Surfaces::emit_piece(const Piece& piece) {
 void Surfaces::emit_wall_part(const Piece& piece) {
   const WallSpan& span = visibility_.spans()[piece.span];
   const SceneLine& line = frame_.scene->lines[span.line];
-  const SceneSide& near = visibility_.near_side(span);
+  const SceneSide& near = *borders_[piece.span].side;
   const ScenePart& part = piece.kind == Piece::Kind::kMiddle  ? near.middle
                           : piece.kind == Piece::Kind::kUpper ? near.top
                                                               : near.bottom;

@@ -49,12 +49,6 @@ void Visibility::place_vertex(uint32_t vertex, float x, float y) {
   seen.beyond_right = seen.side * projection.focal_x > right_reach * seen.depth;
 }
 
-const Visibility::VertexView& Visibility::transform(uint32_t vertex) {
-  if (vertices_[vertex].stamp != frame_.stamp)
-    place_vertex(vertex, frame_.scene->vertex_x[vertex], frame_.scene->vertex_y[vertex]);
-  return vertices_[vertex];
-}
-
 void Visibility::look() {
   const Scene& scene = *frame_.scene;
   const SceneView& view = *frame_.view;
@@ -84,9 +78,9 @@ void Visibility::look() {
         add_span(seen.span);
       }
       if (!seen.open) continue;
-      const SceneLine& line = scene.lines[line_index];
       if (!seen.any_facing && seen.span.near_sector != index) continue;
-      reach(line.front.sector == index ? line.back.sector : line.front.sector, begin, end);
+      const LineShape& line = scene.shapes[line_index];
+      reach(line.front_sector == index ? line.back_sector : line.front_sector, begin, end);
     }
   }
   std::erase_if(partial_spans_, [&](uint32_t index) { return is_hidden(spans_[index]); });
@@ -124,7 +118,11 @@ Visibility::LineView& Visibility::look_at(uint32_t index) {
 
 void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   const Projection& projection = frame_.projection;
-  const SceneLine& line = frame_.scene->lines[line_index];
+  const LineShape& line = frame_.scene->shapes[line_index];
+  const auto near_side = [&]() -> const SceneSide& {
+    const SceneLine& sides = frame_.scene->lines[line_index];
+    return seen->span.back_side ? sides.back : sides.front;
+  };
   const VertexView &start = transform(line.start), &end = transform(line.end);
   float side_a = start.side, depth_a = start.depth;
   float side_b = end.side, depth_b = end.depth;
@@ -140,28 +138,27 @@ void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   if (from_back && !line.two_sided) return;
   // Outside the picture's left or right border: both ends on the far side of the same border ray.
   if ((start.beyond_left && end.beyond_left) || (start.beyond_right && end.beyond_right)) return;
-  if (line.two_sided) frame_.will_ask(from_back ? line.back : line.front);
+  seen->span.back_side = from_back;
+  if (line.two_sided) frame_.will_ask(near_side());
   const float focal = projection.focal_x;
-  // Textures are laid along the length in whole units.
-  const float texel_length = std::round(line.length);
-  float u_a = 0, u_b = texel_length;
+  float u_a = 0, u_b = line.texel_length;
   if (from_back) {
     std::swap(side_a, side_b), std::swap(depth_a, depth_b);
   }
   bool clipped = true;
   if (depth_a < kNearDepth) {
     const float t = (kNearDepth - depth_a) / (depth_b - depth_a);
-    side_a += t * (side_b - side_a), u_a += t * texel_length, depth_a = kNearDepth;
+    side_a += t * (side_b - side_a), u_a += t * line.texel_length, depth_a = kNearDepth;
   } else if (depth_b < kNearDepth) {
     const float t = (kNearDepth - depth_b) / (depth_a - depth_b);
-    side_b += t * (side_a - side_b), u_b -= t * texel_length, depth_b = kNearDepth;
+    side_b += t * (side_a - side_b), u_b -= t * line.texel_length, depth_b = kNearDepth;
   } else {
     clipped = false;
   }
   WallSpan& span = seen->span;
-  span.line = line_index, span.back_side = from_back;
-  span.near_sector = from_back ? line.back.sector : line.front.sector;
-  span.far_sector = !line.two_sided ? span.near_sector : from_back ? line.front.sector : line.back.sector;
+  span.line = line_index;
+  span.near_sector = from_back ? line.back_sector : line.front_sector;
+  span.far_sector = !line.two_sided ? span.near_sector : from_back ? line.front_sector : line.back_sector;
   const float inverse_a = 1.0f / depth_a, inverse_b = 1.0f / depth_b;
   const float x_left = span.x_left = projection.center_x + focal * side_a * inverse_a;
   const float x_right = projection.center_x + focal * side_b * inverse_b;
@@ -176,7 +173,7 @@ void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   seen->kind = LineView::Kind::kPlain;
   span.solid = !line.two_sided;
   if (line.two_sided) {
-    const SectorNow now = frame_.sector(span.near_sector);
+    const SectorNow& now = frame_.sector(span.near_sector);
     const SectorNow& beyond = frame_.sector(span.far_sector);
     span.solid = std::max(now.floor, beyond.floor) >= std::min(now.ceiling, beyond.ceiling);
     seen->open = !span.solid && span.near_sector != span.far_sector;
@@ -185,7 +182,7 @@ void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   if (line.two_sided && !span.solid) {
     const bool alike =
         span.near_sector == span.far_sector || frame_.same_look(span.near_sector, span.far_sector);
-    if (alike && !frame_.side_now(from_back ? line.back : line.front).middle.present) return;
+    if (alike && !frame_.side_now(near_side()).middle.present) return;
   }
   // The texture runs from the near side's own start, which is always the span's left end.
   span.inverse = line_through(x_left, inverse_a, x_right, inverse_b);
@@ -223,7 +220,7 @@ void Visibility::collect_polyobjects() {
                      to_float(polyobject.position[i][1]));
     for (const uint32_t line_index : polyobject.lines) {
       if (line_index >= scene.lines.size() || scene.level().index == nullptr) continue;
-      const SceneLine& line = scene.lines[line_index];
+      const LineShape& line = scene.shapes[line_index];
       LineView& seen = look_at(line_index);
       if (seen.kind != LineView::Kind::kShown || seen.added) continue;
       seen.added = true;

@@ -79,7 +79,11 @@ class Visibility {
   void measure_line(uint32_t line, LineView* seen);
   void add_span(const WallSpan& span);
   void collect_polyobjects();
-  const VertexView& transform(uint32_t vertex);
+  const VertexView& transform(uint32_t vertex) {
+    if (vertices_[vertex].stamp != frame_.stamp)
+      place_vertex(vertex, frame_.scene->vertex_x[vertex], frame_.scene->vertex_y[vertex]);
+    return vertices_[vertex];
+  }
   void place_vertex(uint32_t vertex, float x, float y);
   bool is_hidden(const WallSpan& span) const;
 
