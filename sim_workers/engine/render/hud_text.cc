@@ -63,6 +63,9 @@ uint32_t u16(std::span<const uint8_t> bytes, std::size_t at) {
 
 }  // namespace
 
+// The reference engine brings accented letters for such a font along, and a line is as high as its highest letter.
+constexpr int kAccentedHeight = 9;
+
 Font Font::from_graphics(const ArtArchive& archive, std::string_view prefix, int last_letter) {
   Font font;
   for (int code = '!'; code <= last_letter; ++code) {
@@ -79,6 +82,7 @@ Font Font::from_graphics(const ArtArchive& archive, std::string_view prefix, int
   }
   if (const Glyph* wide = font.glyph('N')) font.space_width_ = (wide->width + 1) / 2;
   font.finish(archive);
+  font.height_ = std::max(font.height_, kAccentedHeight);
   return font;
 }
 

@@ -201,8 +201,13 @@ TEST_F(VizdoomPictureParity, OnOurScenarios) {
     games.write(name + ".wad", layout->wad);
     games.write(name + ".cfg", "doom_scenario_path = " + name +
                                    ".wad\ndoom_map = MAP01\navailable_buttons = { ATTACK }\nmode = PLAYER\n");
-    // One picture each, before the scripts of both engines draw different lots; texts of scripts lie a row or two lower here.
-    compare({.scenario = name, .at = "3", .hud = true, .map = "", .equal = 0.9, .folder = games / ""});
+    // One picture each, before the scripts of both engines draw different lots; Platform Chain's first platforms are one.
+    compare({.scenario = name,
+             .at = "3",
+             .hud = true,
+             .map = "",
+             .equal = name == "platform_chain" ? 0.88 : 0.96,
+             .folder = games / ""});
   }
 }
 
