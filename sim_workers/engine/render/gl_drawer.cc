@@ -1,6 +1,7 @@
 #include "sim_workers/engine/render/gl_drawer.h"
 
 #include <algorithm>
+#include <string>
 #include <utility>
 
 #include "sim_workers/engine/render/egl_context.h"
@@ -88,6 +89,11 @@ class GlDrawer : public ViewDrawer {
 Expected<std::unique_ptr<ViewDrawer>> create_gl_drawer(const RenderOptions& options,
                                                        const Projection& projection, ArtAtlas* atlas,
                                                        ColorTables* colors) {
+  if (projection.rows < 1)
+    return Error{ErrorCode::kBadInput,
+                 std::string("renderer ") + word_of(options.renderer) + ": a picture of " +
+                     std::to_string(options.width) + "x" + std::to_string(options.height) +
+                     " has no row above the status bar; draw a higher one, or use painter"};
   COMRAD_TRY_ASSIGN(std::unique_ptr<ContextProvider> context,
                     options.renderer == RendererKind::kEgl ? create_egl_context() : create_osmesa_context());
   COMRAD_TRY_ASSIGN(std::unique_ptr<Rasterizer> rasterizer,

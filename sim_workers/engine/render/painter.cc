@@ -223,8 +223,7 @@ void Painter::paint_picture(const DrawList& list, const Strip& strip, Brush brus
   const int64_t v_last = (int64_t{height} << 16) - 1;
   const float inverse = strip.inverse.at_zero;
   const int64_t v_step = nearest_fixed(strip.v_step * (1.0 / inverse));
-  const int64_t v_row_0 =
-      nearest_fixed(strip.v_horizon) + (1 - static_cast<int64_t>(list.center_y)) * v_step;
+  const int64_t v_row_0 = nearest_fixed(strip.v_horizon) + (1 - static_cast<int64_t>(list.center_y)) * v_step;
   brush.turn(inverse, strip.light.at_zero);
   int32_t u = strip.u_begin;
   for (int column = strip.column_begin; column < strip.column_end; ++column, u += strip.u_step) {
@@ -256,8 +255,7 @@ void Painter::paint_sky(const DrawList& list, const Strip& strip, const Brushes&
                 end = clamped_row(strip.bottom.at(x), projection_.rows);
       // 1024 columns of a sky a turn.
       const uint32_t u = (list.sky_angle - projection_.sky_angles[static_cast<std::size_t>(column)]) >> 22;
-      const uint8_t* const texels =
-          atlas_.columns() + strip.region.columns + std::size_t{u % width} * height;
+      const uint8_t* const texels = atlas_.columns() + strip.region.columns + std::size_t{u % width} * height;
       const double v = rows.horizon + (begin + 1 - static_cast<double>(list.center_y)) * rows.step;
       std::size_t pixel = at(begin, column);
       walk_along(texel_fixed(v), texel_fixed(rows.step), height, [&](auto walk) {

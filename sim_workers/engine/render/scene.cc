@@ -120,7 +120,8 @@ Expected<std::unique_ptr<Scene>> Scene::create(std::shared_ptr<const Level> leve
     const LineShape& shape = scene->shapes[index];
     if (scene->lines[index].in_polyobject) continue;
     touching[shape.front_sector].push_back(index);
-    if (shape.two_sided && shape.back_sector != shape.front_sector) touching[shape.back_sector].push_back(index);
+    if (shape.two_sided && shape.back_sector != shape.front_sector)
+      touching[shape.back_sector].push_back(index);
   }
   scene->sector_line_begin.push_back(0);
   for (const std::vector<uint32_t>& lines : touching) {

@@ -67,7 +67,7 @@ class Scene {
   const Level& level() const { return *level_; }
 
   std::vector<float> vertex_x, vertex_y;
-  std::vector<LineShape> shapes;             ///< [line]
+  std::vector<LineShape> shapes;  ///< [line]
   std::vector<SceneLine> lines;
   std::vector<uint32_t> sector_line_begin;   ///< [sector + 1] into sector_lines
   std::vector<uint32_t> sector_lines;        ///< lines that touch each sector, those of polyobjects left out

@@ -48,6 +48,8 @@ Surfaces::Border Surfaces::measure_border(const WallSpan& span) {
                   line_at(span, std::max(beyond.ceiling, now.floor))};
   border.draws_floor = now.floor < frame_.eye_z && !now.floor_plane->sky;
   border.draws_ceiling = now.ceiling > frame_.eye_z && !now.ceiling_plane->sky;
+  if (border.draws_floor) border.floor_plane = plane(span.near_sector, /*floor=*/true);
+  if (border.draws_ceiling) border.ceiling_plane = plane(span.near_sector, /*floor=*/false);
   // From below a floor hides nothing (an eye may be there while a lift rises past it).
   border.floor_ends = now.floor < frame_.eye_z;
   border.ceiling_ends = now.ceiling > frame_.eye_z;
@@ -218,13 +220,10 @@ void Surfaces::look_through(int column, Look* look) const {
   }
 }
 
-/// The same surface between the same edges, in the next column.
-bool Surfaces::goes_on(const Piece& before, const Piece& now) {
+/// The same surface between the same edges, in the next columns.
+bool Surfaces::goes_on(const Piece& before, const Piece& now) const {
   if (before.kind != now.kind || before.top != now.top || before.bottom != now.bottom) return false;
-  if (before.span == now.span) return true;
-  if (now.kind != Piece::Kind::kFloor && now.kind != Piece::Kind::kCeiling) return false;
-  return frame_.same_plane_look(visibility_.spans()[before.span].near_sector,
-                                visibility_.spans()[now.span].near_sector, now.kind == Piece::Kind::kFloor);
+  return before.span == now.span || (now.is_plane() && plane_of(before) == plane_of(now));
 }
 
 /// Adds the pieces of a run, as continuations of those of the run before where they are that. Both are in the same order: the
@@ -282,13 +281,13 @@ void Surfaces::emit_sky() {
 }
 
 void Surfaces::emit_piece(const Piece& piece) {
-  if (piece.kind != Piece::Kind::kFloor && piece.kind != Piece::Kind::kCeiling) return emit_wall_part(piece);
+  if (!piece.is_plane()) return emit_wall_part(piece);
   Strip strip;
   strip.kind = Strip::Kind::kPlane;
   strip.column_begin = piece.column_begin, strip.column_end = piece.column_end;
   strip.top = line_of(piece.top), strip.bottom = line_of(piece.bottom);
   strip.subject = kPlaneSubject;
-  strip.plane = plane(visibility_.spans()[piece.span].near_sector, piece.kind == Piece::Kind::kFloor);
+  strip.plane = plane_of(piece);
   frame_.list->strips.push_back(strip);
 }
 

@@ -53,10 +53,11 @@ class Surfaces {
   struct Border {
     const SectorNow* now = nullptr;
     const SectorNow* beyond = nullptr;
-    const SceneSide* side = nullptr;  ///< that the eye sees
+    const SceneSide* side = nullptr;              ///< that the eye sees
     std::array<ColumnLine, 4> lines{};            ///< where it runs, by Edge::Kind from kNearFloor on
     bool floor_ends = true, ceiling_ends = true;  ///< they look otherwise behind it
     bool draws_floor = false, draws_ceiling = false;
+    uint32_t floor_plane = 0, ceiling_plane = 0;  ///< into DrawList::planes, where they are drawn
     bool sky_goes_on = false;  ///< its ceiling is open sky, and so is the one behind it, no lower
     bool upper = false, lower = false, middle = false;    ///< the parts of the wall that are drawn
     bool closes_top = false, closes_bottom = false;       ///< nothing behind shows beyond the opening
@@ -71,6 +72,7 @@ class Surfaces {
     uint32_t span = 0;  ///< the wall's, or the one that ends the floor
     Edge top, bottom;
     int column_begin = 0, column_end = 0;
+    bool is_plane() const { return kind == Kind::kFloor || kind == Kind::kCeiling; }
     bool same_surface(const Piece& other) const {
       return kind == other.kind && span == other.span && top == other.top && bottom == other.bottom;
     }
@@ -93,12 +95,16 @@ class Surfaces {
   void collect_run(int begin, int end);
   bool same_run(int column, int other) const;
   void look_through(int column, Look* look) const;
-  bool goes_on(const Piece& before, const Piece& now);
+  bool goes_on(const Piece& before, const Piece& now) const;
   void add_pieces(const Look& look, int begin, int end);
   void emit_sky();
   void emit_piece(const Piece& piece);
   void emit_wall_part(const Piece& piece);
   uint32_t plane(uint32_t sector, bool floor);
+  uint32_t plane_of(const Piece& piece) const {
+    const Border& border = borders_[piece.span];
+    return piece.kind == Piece::Kind::kFloor ? border.floor_plane : border.ceiling_plane;
+  }
 
   ViewFrame& frame_;
   const Visibility& visibility_;

@@ -96,7 +96,8 @@ TEST_F(PainterBesideLoops, WallsAndPictures) {
     Strip strip = random_strip(kind, std::array{"SQUARE", "ODD", "TALL", "HOLES"}[round / 2 % 4]);
     strip.masked = round / 2 % 4 == 3;
     if (kind == Strip::Kind::kPicture) {
-      strip.inverse.slope = strip.light.slope = 0, strip.v_horizon = static_cast<float>(strip.region.height) / 2;
+      strip.inverse.slope = strip.light.slope = 0,
+      strip.v_horizon = static_cast<float>(strip.region.height) / 2;
       strip.u_step = rng_.between(-60000, 60000);
       strip.u_begin = strip.u_step < 0 ? (strip.region.width << 16) - 1 : 0;
     }

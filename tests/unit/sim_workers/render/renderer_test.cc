@@ -256,6 +256,9 @@ TEST(Renderer, RefusesWhatItCannotDo) {
   RenderOptions options = bare_options();
   options.width = 0;
   EXPECT_EQ(Renderer::create(test::tiny_archive(), options).error().code, ErrorCode::kBadInput);
+  options = bare_options();
+  options.renderer = RendererKind::kOsmesa, options.width = 1, options.height = 1;
+  EXPECT_TRUE(Renderer::create(test::tiny_archive(), options).has_value());
   options = {};  // the status bar's graphics are missing from the tiny IWAD
   const auto created = Renderer::create(test::tiny_archive(), options);
   ASSERT_FALSE(created.has_value());
