@@ -303,7 +303,8 @@ CheckResult check_dds() {
 
 CheckResult check_rendering() {
   const auto rate = one_second("comrad-sim-worker", {});
-  return rate ? ok("rendering", "OSMesa, " + per_second(*rate))
+  return rate ? ok("rendering",
+                   std::string("by ") + word_of(RunConfig().environment.renderer) + ", " + per_second(*rate))
               : fail("rendering", rate.error().message,
                      "apt-get install libosmesa6-dev freedoom, then ./comrad doctor");
 }

@@ -37,7 +37,7 @@ enum Subject : int32_t { kWallSubject, kPlaneSubject, kWeaponSubject, kFirstActo
 /// How the texels of a see-through surface join the picture behind it.
 struct Blend {
   enum class Kind : uint8_t { kMix, kAdd, kSubtract, kDarken } kind = Kind::kMix;
-  uint8_t alpha = 255;
+  uint8_t front = 64, behind = 0;  ///< shares of both, in 64ths
   bool operator==(const Blend&) const = default;
 };
 
@@ -94,8 +94,7 @@ struct DrawList {
   std::vector<Strip> strips;
   std::vector<Plane> planes;
   uint32_t opaque_end = 0;  ///< [0, opaque_end): sky, then walls, floors and ceilings
-  // From opaque_end on: sprites and gratings from far to near, then the weapon. A blended texel goes to a layer of its
-  // own, an opaque one takes the layer away: the nearest see-through surface of a pixel counts.
+  // From opaque_end on: sprites and gratings from far to near, then the weapon.
   bool has_blended = false;
   PixelBox blended_box;                             ///< pixels that blended strips may cover
   float center_y = 0;                               ///< row of the horizon

@@ -70,38 +70,26 @@ struct ColourBrush {
   void operator()(std::size_t at, uint8_t texel) const { indices[at] = row[texel]; }
 };
 
-/// Of a picture with see-through surfaces: what is nearer takes theirs away.
-struct ColourOverLayerBrush : ColourBrush {
-  uint8_t* blends;
+/// Of see-through surfaces.
+struct MixingBrush : ColourBrush {
+  const PaletteMixer* mixer;
+  Blend blend;
   void operator()(std::size_t at, uint8_t texel) const {
-    indices[at] = row[texel];
-    blends[at] = 0;
-  }
-};
-
-struct LayerBrush : ColourBrush {  // indices are the layer's
-  uint8_t* blends;
-  uint8_t blend;
-  void operator()(std::size_t at, uint8_t texel) const {
-    indices[at] = row[texel];
-    blends[at] = blend;
+    indices[at] = mixer->mix(row[texel], indices[at], blend);
   }
 };
 
 struct ColourBrushes {
+  const DrawList& list;
   const LightRows& light;
-  PaintedPicture& picture;
-  bool layered;
+  const PaletteMixer* mixer;
+  uint8_t* indices;
 
   template <typename Use>
-  void pick(const Paint& paint, bool masked, float shade, int32_t, Use&& use) const {
-    const ColourBrush plain{picture.indices.data(), light.rows[paint.tint], light.row_stride, shade};
-    if (!masked || !layered) return use(plain);
-    uint8_t* const blends = picture.layer_blends.data();
-    if (!paint.blended) return use(ColourOverLayerBrush{plain, blends});
-    LayerBrush brush{plain, blends, static_cast<uint8_t>(paint.blend + 1)};
-    brush.indices = picture.layer_indices.data();
-    use(brush);
+  void pick(const Paint& paint, float shade, int32_t, Use&& use) const {
+    const ColourBrush plain{indices, light.rows[paint.tint], light.row_stride, shade};
+    if (!paint.blended) return use(plain);
+    use(MixingBrush{plain, mixer, list.blends[paint.blend]});
   }
 };
 
@@ -118,7 +106,7 @@ struct ValueBrush {
 struct DepthBrushes {
   float* depth;
   template <typename Use>
-  void pick(const Paint&, bool, float, int32_t, Use&& use) const {
+  void pick(const Paint&, float, int32_t, Use&& use) const {
     use(ValueBrush<float>{depth, 0});
   }
 };
@@ -126,7 +114,7 @@ struct DepthBrushes {
 struct SubjectBrushes {
   uint32_t* subjects;
   template <typename Use>
-  void pick(const Paint&, bool, float, int32_t subject, Use&& use) const {
+  void pick(const Paint&, float, int32_t subject, Use&& use) const {
     use(ValueBrush<uint32_t>{subjects, static_cast<uint32_t>(subject)});
   }
 };
@@ -138,14 +126,10 @@ Painter::Painter(const Projection& projection, const ArtAtlas* atlas)
   row_begins_.resize(static_cast<std::size_t>(projection.rows));
 }
 
-void Painter::paint(const DrawList& list, const LightRows& light, PaintedPicture* picture) {
-  const std::size_t pixels = at(projection_.rows, 0);
-  picture->indices.assign(pixels, 0);
-  if (list.has_blended) {
-    picture->layer_indices.resize(pixels);
-    picture->layer_blends.assign(pixels, 0);
-  }
-  paint_all(list, ColourBrushes{light, *picture, list.has_blended});
+void Painter::paint(const DrawList& list, const LightRows& light, const PaletteMixer* mixer,
+                    uint8_t* indices) {
+  std::fill_n(indices, at(projection_.rows, 0), uint8_t{0});
+  paint_all(list, ColourBrushes{list, light, mixer, indices});
 }
 
 void Painter::paint_depth(const DrawList& list, float* depth) {
@@ -172,7 +156,7 @@ void Painter::paint_all(const DrawList& list, const Brushes& brushes) {
 
 template <typename Brushes>
 void Painter::paint_columns(const DrawList& list, const Strip& strip, const Brushes& brushes) {
-  brushes.pick(strip.paint, strip.masked, strip.shade, strip.subject, [&](auto brush) {
+  brushes.pick(strip.paint, strip.shade, strip.subject, [&](auto brush) {
     if (strip.kind == Strip::Kind::kPicture)
       paint_picture(list, strip, brush);
     else
@@ -247,7 +231,7 @@ void Painter::paint_sky(const DrawList& list, const Strip& strip, const Brushes&
   const auto stride = static_cast<std::size_t>(projection_.width);
   const uint32_t width = strip.region.width, height = strip.region.height;
   const SkyRows rows = sky_rows(height, projection_.focal_y);
-  brushes.pick(strip.paint, false, 0, strip.subject, [&](auto brush) {
+  brushes.pick(strip.paint, 0, strip.subject, [&](auto brush) {
     brush.turn(0, 0);
     for (int column = strip.column_begin; column < strip.column_end; ++column) {
       const auto x = static_cast<float>(column);
@@ -282,7 +266,7 @@ void Painter::paint_planes(const DrawList& list, const Brushes& brushes) {
   }
   for (std::size_t index = 0; index < list.planes.size(); ++index) {
     const Plane& plane = list.planes[index];
-    brushes.pick({.tint = plane.tint}, false, plane.shade, kPlaneSubject,
+    brushes.pick({.tint = plane.tint}, plane.shade, kPlaneSubject,
                  [&](auto brush) { paint_plane(list, plane, plane_strips_[index].first, brush); });
   }
 }

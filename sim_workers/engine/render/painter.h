@@ -10,6 +10,7 @@
 
 #include "sim_workers/engine/render/art_atlas.h"
 #include "sim_workers/engine/render/draw_list.h"
+#include "sim_workers/engine/render/palette_mixer.h"
 #include "sim_workers/engine/render/projection.h"
 
 namespace comrad::doom {
@@ -20,18 +21,12 @@ struct LightRows {
   std::size_t row_stride = 256;  ///< 0 where light makes no difference
 };
 
-/// A picture in palette indices after light, and the layer of what is seen through. All [rows, width].
-struct PaintedPicture {
-  std::vector<uint8_t> indices;
-  std::vector<uint8_t> layer_indices;  ///< of the nearest see-through surface; within DrawList::blended_box
-  std::vector<uint8_t> layer_blends;   ///< its blend plus 1; 0 where there is none
-};
-
 class Painter {
  public:
   Painter(const Projection& projection, const ArtAtlas* atlas);
-  /// Colours. Index 0, Doom's black, where nothing is.
-  void paint(const DrawList& list, const LightRows& light, PaintedPicture* picture);
+  /// Colours: `indices` [rows, width], of the palette and after light; 0, Doom's black, where nothing is. `mixer` may be null
+  /// where the list has nothing blended.
+  void paint(const DrawList& list, const LightRows& light, const PaletteMixer* mixer, uint8_t* indices);
   /// How far away what is seen is: `depth` [rows, width], map units; 0 where nothing but sky is.
   void paint_depth(const DrawList& list, float* depth);
   /// What each pixel is of: `subjects` [rows, width], as Subject counts; `nothing` where nothing is.

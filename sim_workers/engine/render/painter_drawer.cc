@@ -8,18 +8,15 @@ PainterDrawer::PainterDrawer(const RenderOptions& options, const Projection& pro
                              const ArtAtlas* atlas, ColorTables* colors)
     : painter_(projection, atlas),
       colors_(*colors),
-      width_(projection.width),
       plane_(static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height)),
-      subjects_(static_cast<std::size_t>(projection.width) * static_cast<std::size_t>(projection.rows)) {}
+      indices_(static_cast<std::size_t>(projection.width) * static_cast<std::size_t>(projection.rows)),
+      subjects_(indices_.size()) {}
 
 void PainterDrawer::finish(std::size_t, int palette, Sight sight, uint8_t* destination) {
   const DrawList& list = *drawn_;
-  painter_.paint(list, colors_.light_rows(sight, std::span(list.tints).first(list.tint_count)), &picture_);
-  const uint32_t* const lit = colors_.lit(palette);
-  show_indices(picture_.indices, lit, plane_, destination);
-  if (list.has_blended)
-    blend_indices(picture_.layer_indices, picture_.layer_blends, list.blended_box, lit,
-                  std::span(list.blends).first(list.blend_count), width_, plane_, destination);
+  painter_.paint(list, colors_.light_rows(sight, std::span(list.tints).first(list.tint_count)),
+                 list.has_blended ? &colors_.mixer() : nullptr, indices_.data());
+  show_indices(indices_, colors_.lit(palette), plane_, destination);
 }
 
 int PainterDrawer::undrawn_pixels() {

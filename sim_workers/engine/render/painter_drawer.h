@@ -23,10 +23,9 @@ class PainterDrawer : public ViewDrawer {
  private:
   Painter painter_;
   ColorTables& colors_;
-  const int width_;
   const std::size_t plane_;  // pixels of a whole picture
   const DrawList* drawn_ = nullptr;
-  PaintedPicture picture_;
+  std::vector<uint8_t> indices_;
   std::vector<uint32_t> subjects_;
 };
 

@@ -15,23 +15,23 @@ constexpr std::size_t kTablesKept = 512;
 
 /// `destination` is the pixel in the red plane.
 void blend_pixel(uint32_t color, const Blend& blend, std::size_t plane, uint8_t* destination) {
-  const int alpha = blend.alpha;
+  constexpr int kWhole = 64;
   for (std::size_t channel = 0; channel < 3; ++channel) {
     uint8_t& pixel = destination[channel * plane];
     const int source = static_cast<int>(color >> (8 * channel) & 255), below = pixel;
     int mixed = below;
     switch (blend.kind) {
       case Blend::Kind::kMix:
-        mixed = (source * alpha + below * (255 - alpha) + 127) / 255;
+        mixed = (source * blend.front + below * (kWhole - blend.front)) / kWhole;
         break;
       case Blend::Kind::kAdd:
-        mixed = std::min(255, below + source * alpha / 255);
+        mixed = std::min(255, below + source * blend.front / kWhole);
         break;
       case Blend::Kind::kSubtract:
-        mixed = std::max(0, below - source * alpha / 255);
+        mixed = std::max(0, below - source * blend.front / kWhole);
         break;
       case Blend::Kind::kDarken:
-        mixed = below * (255 - alpha) / 255;
+        mixed = below * (kWhole - blend.front) / kWhole;
         break;
     }
     pixel = static_cast<uint8_t>(mixed);
@@ -91,6 +91,11 @@ ColorTables::ColorTables(std::shared_ptr<const ArtArchive> archive) : archive_(s
       palettes_[static_cast<std::size_t>(palette)][index] =
           color[0] | static_cast<uint32_t>(color[1]) << 8 | static_cast<uint32_t>(color[2]) << 16;
     }
+}
+
+const PaletteMixer& ColorTables::mixer() {
+  if (!mixer_.is_made) mixer_.make(*archive_);
+  return mixer_;
 }
 
 /// What every index becomes under a coloured light, [row, index]: as in ZDoom the nearest colour that the
@@ -193,18 +198,6 @@ void blend_layer(std::span<const uint32_t> layer, const PixelBox& box, const uin
       blend_pixel(color, blends[word >> kTintShift], plane,
                   destination + static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
                       static_cast<std::size_t>(column));
-    }
-}
-
-void blend_indices(std::span<const uint8_t> indices, std::span<const uint8_t> blends_of, const PixelBox& box,
-                   const uint32_t* colors, std::span<const Blend> blends, int width, std::size_t plane,
-                   uint8_t* destination) {
-  for (int row = box.top; row < box.bottom; ++row)
-    for (int column = box.left; column < box.right; ++column) {
-      const std::size_t at =
-          static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column);
-      if (blends_of[at] != 0)
-        blend_pixel(colors[indices[at]], blends[blends_of[at] - 1u], plane, destination + at);
     }
 }
 

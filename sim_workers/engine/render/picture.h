@@ -11,6 +11,7 @@
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/draw_list.h"
 #include "sim_workers/engine/render/painter.h"
+#include "sim_workers/engine/render/palette_mixer.h"
 
 namespace comrad::doom {
 
@@ -38,6 +39,8 @@ class ColorTables {
   PictureColors select(int palette, Sight sight, std::span<const uint32_t> tints);
   /// The same in two steps, first what light makes of every index. Good until the next call.
   LightRows light_rows(Sight sight, std::span<const uint32_t> tints);
+  /// What palette entries make when they are mixed; made when it is first asked for.
+  const PaletteMixer& mixer();
 
  private:
   static constexpr std::size_t kTableSize = std::size_t{kLightRowCount} * 256;
@@ -47,6 +50,7 @@ class ColorTables {
 
   std::shared_ptr<const ArtArchive> archive_;
   std::array<std::array<uint32_t, 256>, kPaletteCount> palettes_{};
+  PaletteMixer mixer_;
   std::unordered_map<uint64_t, std::vector<uint32_t>> tables_;  // one [row, index] each
   std::unordered_map<uint32_t, std::vector<uint8_t>> tinted_rows_;
   std::vector<uint32_t> joined_;  // several tints side by side
@@ -64,11 +68,6 @@ void convert(std::span<const uint32_t> words, const uint8_t* texels, const Pictu
 ///   colors  [256], of ColorTables::lit()
 void show_indices(std::span<const uint8_t> indices, const uint32_t* colors, std::size_t plane,
                   uint8_t* destination);
-
-/// Blends the layer of a PaintedPicture over a picture `width` pixels wide, inside `box`.
-void blend_indices(std::span<const uint8_t> indices, std::span<const uint8_t> blends_of, const PixelBox& box,
-                   const uint32_t* colors, std::span<const Blend> blends, int width, std::size_t plane,
-                   uint8_t* destination);
 
 /// Blends the see-through layer over a picture `width` pixels wide; see TexelWord.
 ///   layer  [box.bottom - box.top, box.right - box.left]: blend << kTintShift | light row << kAddressBits |

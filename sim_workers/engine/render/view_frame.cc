@@ -39,7 +39,10 @@ std::optional<Blend> blend_of(RenderStyle style, float alpha) {
       blend.kind = Blend::Kind::kDarken;
       break;
   }
-  blend.alpha = static_cast<uint8_t>(alpha * 255.0f + 0.5f);
+  // Both shares are cut off, as the reference engine does it; the hair is for those that are whole but for rounding.
+  constexpr float kShares = 64.0f, kHair = 1.0f / 1024.0f;
+  blend.front = static_cast<uint8_t>(alpha * kShares + kHair);
+  blend.behind = static_cast<uint8_t>((1.0f - alpha) * kShares + kHair);
   return blend;
 }
 
@@ -126,12 +129,13 @@ std::optional<Paint> ViewFrame::paint(RenderStyle style, float alpha, uint8_t ti
   if (style == RenderStyle::kNone) return std::nullopt;
   const std::optional<Blend> wanted = blend_of(style, std::clamp(alpha, 0.0f, 1.0f));
   if (!wanted) return Paint{.tint = tint};
-  if (wanted->alpha == 0) return std::nullopt;
+  if (wanted->front == 0) return std::nullopt;
   uint32_t best = 0;
   int best_distance = INT32_MAX;
   for (uint32_t i = 0; i < list->blend_count; ++i) {
     const Blend& known = list->blends[i];
-    const int distance = std::abs(known.alpha - wanted->alpha) + (known.kind == wanted->kind ? 0 : 1000);
+    const int distance = std::abs(known.front - wanted->front) + std::abs(known.behind - wanted->behind) +
+                         (known.kind == wanted->kind ? 0 : 1000);
     if (distance < best_distance) best_distance = distance, best = i;
   }
   if (best_distance > 0 && list->blend_count < kBlendsMax) {

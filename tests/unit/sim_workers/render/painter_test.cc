@@ -89,7 +89,7 @@ class PainterBesideLoops : public ::testing::Test {
 
 TEST_F(PainterBesideLoops, WallsAndPictures) {
   Painter painter(projection_, atlas_.get());
-  PaintedPicture picture;
+  std::vector<uint8_t> picture(static_cast<std::size_t>(projection_.width * projection_.rows));
   int painted = 0;
   for (int round = 0; round < 200; ++round) {
     const Strip::Kind kind = round % 2 == 0 ? Strip::Kind::kWall : Strip::Kind::kPicture;
@@ -103,10 +103,10 @@ TEST_F(PainterBesideLoops, WallsAndPictures) {
     }
     list_.strips = {strip};
     list_.opaque_end = strip.masked ? 0 : 1;
-    painter.paint(list_, light_, &picture);
+    painter.paint(list_, light_, nullptr, picture.data());
     for (int column = 0; column < projection_.width; ++column)
       for (int row = 0; row < projection_.rows; ++row) {
-        const uint8_t shown = picture.indices[static_cast<std::size_t>(row * projection_.width + column)];
+        const uint8_t shown = picture[static_cast<std::size_t>(row * projection_.width + column)];
         if (!holds(strip, column, row)) {
           ASSERT_EQ(shown, 0) << "column " << column << " row " << row;
           continue;
@@ -138,7 +138,7 @@ TEST_F(PainterBesideLoops, WallsAndPictures) {
 
 TEST_F(PainterBesideLoops, PlanesOfSeveralStrips) {
   Painter painter(projection_, atlas_.get());
-  PaintedPicture picture;
+  std::vector<uint8_t> picture(static_cast<std::size_t>(projection_.width * projection_.rows));
   int painted = 0, beside = 0;
   for (int round = 0; round < 100; ++round) {
     Plane plane;
@@ -158,10 +158,10 @@ TEST_F(PainterBesideLoops, PlanesOfSeveralStrips) {
       list_.strips.push_back(strip);
     }
     list_.opaque_end = list_.strip_count();
-    painter.paint(list_, light_, &picture);
+    painter.paint(list_, light_, nullptr, picture.data());
     for (int at = 0; at < projection_.width; ++at)
       for (int row = 0; row < projection_.rows; ++row) {
-        const uint8_t shown = picture.indices[static_cast<std::size_t>(row * projection_.width + at)];
+        const uint8_t shown = picture[static_cast<std::size_t>(row * projection_.width + at)];
         const bool held =
             std::ranges::any_of(list_.strips, [&](const Strip& strip) { return holds(strip, at, row); });
         if (!held) {
@@ -204,10 +204,10 @@ TEST_F(PainterBesideLoops, DepthsAndSubjectsAreOfThePixelsThatColoursShow) {
   std::vector<uint32_t> subjects(pixels);
   painter.paint_depth(list_, depth.data());
   painter.paint_subjects(list_, 999, subjects.data());
-  PaintedPicture wall_alone, both;
-  painter.paint(list_, light_, &both);
+  std::vector<uint8_t> wall_alone(pixels), both(pixels);
+  painter.paint(list_, light_, nullptr, both.data());
   list_.strips.pop_back();
-  painter.paint(list_, light_, &wall_alone);
+  painter.paint(list_, light_, nullptr, wall_alone.data());
   int of_sprite = 0, of_wall = 0;
   for (std::size_t at = 0; at < pixels; ++at) {
     const auto column = static_cast<int>(at) % projection_.width,
@@ -217,7 +217,7 @@ TEST_F(PainterBesideLoops, DepthsAndSubjectsAreOfThePixelsThatColoursShow) {
       EXPECT_FLOAT_EQ(depth[at], 100);
       EXPECT_TRUE(holds(sprite, column, row));
     } else {
-      EXPECT_EQ(both.indices[at], wall_alone.indices[at]) << "no sprite here";
+      EXPECT_EQ(both[at], wall_alone[at]) << "no sprite here";
       EXPECT_EQ(subjects[at] == kWallSubject, holds(wall, column, row));
       if (subjects[at] == 999) {
         EXPECT_EQ(depth[at], 0) << "nothing";
@@ -231,25 +231,45 @@ TEST_F(PainterBesideLoops, DepthsAndSubjectsAreOfThePixelsThatColoursShow) {
   EXPECT_GT(of_wall, 50);
 }
 
-TEST_F(PainterBesideLoops, BlendedTexelsKeepALayerUntilAnOpaqueOneIsNearer) {
+TEST_F(PainterBesideLoops, WhatIsSeenThroughIsMixedInThePalette) {
   Painter painter(projection_, atlas_.get());
-  Strip far = random_strip(Strip::Kind::kPicture, "SQUARE");
-  far.column_begin = 10, far.column_end = 40, far.top = {10, 0}, far.bottom = {60, 0},
-  far.inverse = {0.005f, 0};
-  far.masked = true, far.v_horizon = 30, far.v_step = 0.001f, far.u_step = 1000;
-  far.paint = {.tint = 0, .blended = true, .blend = 2};
-  Strip near = far;
-  near.column_begin = 30, near.column_end = 50, near.paint = {};
-  list_.strips = {far, near};
-  list_.opaque_end = 0, list_.has_blended = true;
-  PaintedPicture picture;
-  painter.paint(list_, light_, &picture);
-  const auto at = [&](int column) { return static_cast<std::size_t>(30 * projection_.width + column); };
-  EXPECT_EQ(picture.layer_blends[at(20)], 3) << "the blend's number and one";
-  EXPECT_EQ(picture.indices[at(20)], 0) << "the picture behind it is as it was";
-  EXPECT_EQ(picture.layer_blends[at(35)], 0) << "hidden by what is nearer";
-  EXPECT_NE(picture.indices[at(35)], 0);
-  EXPECT_EQ(picture.layer_blends[at(5)], 0);
+  PaletteMixer mixer;
+  mixer.make(*archive_);
+  Strip behind = random_strip(Strip::Kind::kPicture, "SQUARE");
+  behind.column_begin = 10, behind.column_end = 40, behind.top = {10, 0}, behind.bottom = {60, 0};
+  behind.inverse = behind.light = {0.005f, 0}, behind.v_horizon = 30, behind.v_step = 0.001f,
+  behind.u_step = 1000;
+  Strip glass = behind;
+  glass.column_begin = 30, glass.column_end = 50, glass.v_horizon = 20;
+  glass.paint = {.tint = 0, .blended = true, .blend = 2};
+  list_.blends[2] = {.kind = Blend::Kind::kMix, .front = 25, .behind = 38};  // an alpha of 0.4
+  const auto pixels = static_cast<std::size_t>(projection_.width * projection_.rows);
+  std::vector<uint8_t> both(pixels), alone(pixels), opaque(pixels);
+  list_.strips = {behind, glass}, list_.opaque_end = 0, list_.has_blended = true;
+  painter.paint(list_, light_, &mixer, both.data());
+  list_.strips = {behind};
+  painter.paint(list_, light_, nullptr, alone.data());
+  glass.paint = {};
+  list_.strips = {glass};
+  painter.paint(list_, light_, nullptr, opaque.data());
+  int mixed = 0;
+  for (std::size_t at = 0; at < pixels; ++at) {
+    const auto column = static_cast<int>(at) % projection_.width;
+    if (column < 30 || column >= 50 || opaque[at] == 0) {
+      EXPECT_EQ(both[at], alone[at]);
+      continue;
+    }
+    ArtArchive::Color wanted{};
+    for (std::size_t channel = 0; channel < 3; ++channel) {
+      const int five = (archive_->palette(0)[opaque[at]][channel] * 25 / 16 +
+                        archive_->palette(0)[alone[at]][channel] * 38 / 16) /
+                       32;
+      wanted[channel] = static_cast<uint8_t>(five * 8 + five / 4);
+    }
+    EXPECT_EQ(both[at], archive_->nearest(wanted));
+    ++mixed;
+  }
+  EXPECT_GT(mixed, 500);
 }
 
 TEST(Painter, AViewAllocatesNothing) {
