@@ -23,18 +23,19 @@ struct Projection {
   float hand_unit_x = 1, hand_unit_y = 1;  ///< pixels of a column of 320 and of a row of 200, for the weapon
   std::vector<Angle> sky_angles;  ///< [column] how far to the right of the view the sky's column lies
 
-  /// Where a column looks for walls: ends of walls are rounded away from the picture's middle, so it is just inside the
-  /// column's border that lies towards the middle.
+  /// Where a column looks for walls: ends of walls are rounded away from the picture's middle, an end that lies on a border
+  /// exactly to the right one.
   float ray_of(int column) const {
-    constexpr float kInside = 1.0f / 512.0f;
     const auto left = static_cast<float>(column);
-    return left < center_x ? left + (1.0f - kInside) : left + kInside;
+    return (left < center_x ? left + 1.0f : left) - 2 * kHair;
   }
   /// The first column whose ray is not left of x.
   int first_column(float x) const {
-    const int cut = static_cast<int>(x), column = cut - (static_cast<float>(cut) > x ? 1 : 0);
-    return ray_of(column) >= x ? column : column + 1;
+    const float at = x + kHair;
+    const int cut = static_cast<int>(at), column = cut - (static_cast<float>(cut) > at ? 1 : 0);
+    return at < center_x ? column : column + 1;
   }
+  static constexpr float kHair = 1.0f / 512.0f;
 };
 
 /// How a sky's rows lie in the picture: v(row) = horizon + (row + 1 - center_y) * step, texels.

@@ -125,10 +125,11 @@ TEST(Projection, EndsOfWallsAreRoundedAwayFromTheMiddle) {
   EXPECT_EQ(projection.first_column(21.0f), 21);
   EXPECT_EQ(projection.first_column(80.3f), 81);
   EXPECT_EQ(projection.first_column(80.9f), 81);
-  EXPECT_EQ(projection.first_column(81.0f), 81);
-  EXPECT_EQ(projection.first_column(64.0f), 64);
+  EXPECT_EQ(projection.first_column(81.0f), 82) << "on a border: to the right";
+  EXPECT_EQ(projection.first_column(64.0f), 65);
   for (int column = 0; column < projection.width; ++column)
-    EXPECT_EQ(projection.first_column(projection.ray_of(column)), column);
+    EXPECT_EQ(projection.first_column(projection.ray_of(column)), column == 64 ? 63 : column)
+        << "both columns beside the middle look at it";
 }
 
 TEST(ViewBuilder, PicksTheSideOfASpriteThatFacesTheEye) {
