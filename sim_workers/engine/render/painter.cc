@@ -8,6 +8,8 @@ namespace comrad::doom {
 namespace {
 
 constexpr uint32_t kNoStrip = UINT32_MAX;
+// 1/depth of what no map is large enough for; a column may look a hair beyond a wall's end, where the line goes on to nothing.
+constexpr float kFarthestInverse = 1.0f / 131072.0f;
 
 /// std::floor() without a call, which compilers make of it on plain x86-64.
 int64_t rounded_down(double value) {
@@ -177,7 +179,7 @@ void Painter::paint_wall(const DrawList& list, const Strip& strip, Brush brush) 
               end = clamped_row(strip.bottom.at(x), projection_.rows);
     if (begin >= end) continue;
     const float texel_x = std::max(x, strip.x_left);
-    const float inverse = strip.inverse.at(texel_x);
+    const float inverse = std::max(strip.inverse.at(texel_x), kFarthestInverse);
     const double depth = 1.0 / inverse;
     const int64_t v_step = nearest_fixed(strip.v_step * depth);
     const int64_t v = v_horizon + (begin + 1 - center) * v_step;
