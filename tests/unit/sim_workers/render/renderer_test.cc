@@ -92,6 +92,7 @@ int trace(const Level& level, double x, double y, double z, double radians, doub
                                  : kCeiling;
   };
   for (const auto& [depth, line, from_back] : crossings) {
+    if (from_back && !line->back) continue;  // a ray through a corner may slip past its walls
     const Sidedef& near = level.sidedefs[from_back ? *line->back : line->front];
     const Sector& now = level.sectors[near.sector_index];
     const double height = z + up * depth;
