@@ -7,6 +7,7 @@ PACKAGES = {  # Debian's, by the beginning of a library's name; {} is the versio
     "libopencv_core.so.": "libopencv-core{}",
     "libopencv_imgproc.so.": "libopencv-imgproc{}",
     "libpng16.so.": "libpng16-{}",
+    "libxxhash.so.": "libxxhash{}",
     "libz.so.": "zlib1g",
     "libtomlplusplus.so.": "libtomlplusplus{}",
     "libspdlog.so.": "libspdlog{}",
