@@ -37,7 +37,8 @@ enum Subject : int32_t { kWallSubject, kPlaneSubject, kWeaponSubject, kFirstActo
 /// How the texels of a see-through surface join the picture behind it.
 struct Blend {
   enum class Kind : uint8_t { kMix, kAdd, kSubtract, kDarken } kind = Kind::kMix;
-  uint8_t front = 64, behind = 0;  ///< shares of both, in 64ths
+  static constexpr int kWhole = 64;
+  uint8_t front = kWhole, behind = 0;  ///< shares of both, in 64ths
   bool operator==(const Blend&) const = default;
 };
 

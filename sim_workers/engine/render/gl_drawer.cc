@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "sim_workers/engine/render/egl_context.h"
 #include "sim_workers/engine/render/osmesa_context.h"
+#include "sim_workers/engine/render/rasterizer.h"
 
 namespace comrad::doom {
 namespace {

@@ -2,9 +2,7 @@
 #pragma once
 
 #include <memory>
-#include <vector>
 
-#include "sim_workers/engine/render/rasterizer.h"
 #include "sim_workers/engine/render/view_drawer.h"
 
 namespace comrad::doom {

@@ -26,12 +26,11 @@ struct PaletteMixer {
 
   /// The index of `front` over `behind`.
   uint8_t mix(uint8_t front, uint8_t behind, const Blend& blend) const {
-    constexpr int kWhole = 64;
     std::size_t place = 0;
     for (std::size_t channel = 0; channel < 3; ++channel) {
       // Each part keeps ten bits, their sum five.
       const int source = colors[front][channel] * blend.front >> 4, below = colors[behind][channel];
-      const int below_share = below * blend.behind >> 4, below_whole = below * kWhole >> 4;
+      const int below_share = below * blend.behind >> 4, below_whole = below * Blend::kWhole >> 4;
       const int sum = blend.kind == Blend::Kind::kMix        ? source + below_share
                       : blend.kind == Blend::Kind::kAdd      ? below_whole + source
                       : blend.kind == Blend::Kind::kSubtract ? below_whole - source

@@ -15,23 +15,22 @@ constexpr std::size_t kTablesKept = 512;
 
 /// `destination` is the pixel in the red plane.
 void blend_pixel(uint32_t color, const Blend& blend, std::size_t plane, uint8_t* destination) {
-  constexpr int kWhole = 64;
   for (std::size_t channel = 0; channel < 3; ++channel) {
     uint8_t& pixel = destination[channel * plane];
     const int source = static_cast<int>(color >> (8 * channel) & 255), below = pixel;
     int mixed = below;
     switch (blend.kind) {
       case Blend::Kind::kMix:
-        mixed = (source * blend.front + below * (kWhole - blend.front)) / kWhole;
+        mixed = (source * blend.front + below * (Blend::kWhole - blend.front)) / Blend::kWhole;
         break;
       case Blend::Kind::kAdd:
-        mixed = std::min(255, below + source * blend.front / kWhole);
+        mixed = std::min(255, below + source * blend.front / Blend::kWhole);
         break;
       case Blend::Kind::kSubtract:
-        mixed = std::max(0, below - source * blend.front / kWhole);
+        mixed = std::max(0, below - source * blend.front / Blend::kWhole);
         break;
       case Blend::Kind::kDarken:
-        mixed = below * (kWhole - blend.front) / kWhole;
+        mixed = below * (Blend::kWhole - blend.front) / Blend::kWhole;
         break;
     }
     pixel = static_cast<uint8_t>(mixed);

@@ -42,7 +42,7 @@ Surfaces::Border Surfaces::measure_border(const WallSpan& span) {
   Border border;
   const SceneSide& side = *(border.side = &visibility_.near_side(span));
   const SectorNow& now = *(border.now = &frame_.sector(span.near_sector));
-  const SectorNow& beyond = *(border.beyond = &frame_.sector(span.far_sector));
+  const SectorNow& beyond = frame_.sector(span.far_sector);
   border.lines = {line_at(span, now.floor), line_at(span, now.ceiling),
                   line_at(span, std::min(beyond.floor, now.ceiling)),
                   line_at(span, std::max(beyond.ceiling, now.floor))};

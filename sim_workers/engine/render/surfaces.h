@@ -52,7 +52,6 @@ class Surfaces {
   /// What a span does to the columns that it covers.
   struct Border {
     const SectorNow* now = nullptr;
-    const SectorNow* beyond = nullptr;
     const SceneSide* side = nullptr;              ///< that the eye sees
     std::array<ColumnLine, 4> lines{};            ///< where it runs, by Edge::Kind from kNearFloor on
     bool floor_ends = true, ceiling_ends = true;  ///< they look otherwise behind it

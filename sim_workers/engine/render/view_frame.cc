@@ -40,7 +40,7 @@ std::optional<Blend> blend_of(RenderStyle style, float alpha) {
       break;
   }
   // Both shares are cut off, as the reference engine does it; the hair is for those that are whole but for rounding.
-  constexpr float kShares = 64.0f, kHair = 1.0f / 1024.0f;
+  constexpr float kShares = Blend::kWhole, kHair = 1.0f / 1024.0f;
   blend.front = static_cast<uint8_t>(alpha * kShares + kHair);
   blend.behind = static_cast<uint8_t>((1.0f - alpha) * kShares + kHair);
   return blend;
