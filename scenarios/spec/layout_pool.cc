@@ -7,7 +7,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <ranges>
 #include <set>
 
 #include "doomgen/layout/wad_writer.h"
@@ -86,6 +85,8 @@ Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const
     more = "leave out --no-vary";
   else if (!request.layout.parameters.empty())
     more = "leave out some of the parameters that were set";
+  std::vector<std::string> names;
+  for (const LayoutParameter& parameter : recipe.parameters) names.push_back(parameter.name);
   return Error{ErrorCode::kBadInput,
                "scenario " + scenario + ": " + std::to_string(request.count) + " layouts for " +
                    (for_evaluation ? "evaluation" : "training") + " were asked for, but " +
@@ -93,8 +94,7 @@ Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const
                    " distinct ones (" + std::to_string(tally.other_pool) + " draws belong to " +
                    (for_evaluation ? "training" : "evaluation") + ", " + std::to_string(tally.repeated) +
                    " were repetitions). For more, " + (more.empty() ? "" : more + ", or ") +
-                   "give other values with --set NAME=VALUE: " +
-                   joined(recipe.parameters | std::views::transform(&LayoutParameter::name)) +
+                   "give other values with --set NAME=VALUE: " + joined(names) +
                    "; or ask for fewer with --count"};
 }
 

@@ -434,13 +434,13 @@ void read_numbers(const std::string& path, TableReader& root, const char* key,
                   std::vector<NamedNumber>& numbers) {
   const toml::table* table = root.table(key);
   if (table == nullptr) return;
-  for (const auto& [name, node] : *table) {
+  for (const auto& [entry, node] : *table) {
+    const std::string name(entry.str());
     const auto value = node.value_exact<int64_t>();
     if (!value || *value < INT32_MIN || *value > INT32_MAX)
-      return root.fail(node.source(), "[" + std::string(key) + "]: '" + std::string(name.str()) +
-                                          "' must be a whole number");
-    std::erase_if(numbers, [&](const NamedNumber& one) { return one.name == name.str(); });
-    numbers.push_back({std::string(name.str()), *value, place(path, name.source())});
+      return root.fail(node.source(), "[" + std::string(key) + "]: '" + name + "' must be a whole number");
+    std::erase_if(numbers, [&](const NamedNumber& one) { return one.name == name; });
+    numbers.push_back({name, *value, place(path, entry.source())});
   }
 }
 

@@ -83,11 +83,15 @@ Plan plan(const LayoutDraw& draw) {
       room.turrets.push_back(along(branch, middle + length / 2 - margin, 0));
       if (count > 1) room.turrets.push_back(along(branch, middle + length / 2 - margin - 96, width / 4));
 
-      const auto jitter = [&] { return lamps.between(-kLampJitter, kLampJitter); };
+      const auto lamp = [&](int32_t forward, int32_t left) {
+        left += lamps.between(-kLampJitter, kLampJitter);
+        forward += lamps.between(-kLampJitter, kLampJitter);
+        return along(branch, forward, left);
+      };
       const int32_t side = std::min(120, width / 4);
       const int32_t back = std::min(220, length / 4), front = std::min(60, length / 6);
-      room.lamps.push_back(along(branch, middle - back + jitter(), side + jitter()));
-      room.lamps.push_back(along(branch, middle + front + jitter(), -side + jitter()));
+      room.lamps.push_back(lamp(middle - back, side));
+      room.lamps.push_back(lamp(middle + front, -side));
       plan.rooms.push_back(std::move(room));
     }
   }

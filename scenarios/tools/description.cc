@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
-#include <ranges>
 
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/action_heads.h"
@@ -70,9 +69,9 @@ Json layout_parameters_of(const ScenarioSpec& spec) {
 }
 
 std::string words_of(const Json& list) {
-  return joined(list | std::views::transform([](const Json& one) {
-                  return one.is_string() ? one.get<std::string>() : one.dump();
-                }));
+  std::vector<std::string> words;
+  for (const Json& one : list) words.push_back(one.is_string() ? one.get<std::string>() : one.dump());
+  return joined(words);
 }
 
 /// A title, then a line for each row; columns as wide as their longest cell. Nothing where there are no rows.

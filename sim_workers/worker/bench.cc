@@ -10,6 +10,14 @@
 #include "rollout_buffer/schema/trajectory.h"
 
 namespace comrad::sim {
+namespace {
+
+/// Slabs begin on pages in a run.
+struct alignas(4096) Page {
+  std::byte bytes[4096];
+};
+
+}  // namespace
 
 BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options) {
   const EnvShape env_shape = environments.at(0).shape();
@@ -19,10 +27,10 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
   // One slab per environment, as in a run, so that the memory traffic of rendering is a run's.
   const SlabOffsets offsets(
       {.env = env_shape, .rollout_steps = options.rollout_steps, .recurrent_state_count = 0});
-  std::vector<std::byte> memory(static_cast<std::size_t>(offsets.slab_bytes) *
-                                static_cast<std::size_t>(count));
+  std::vector<Page> memory(static_cast<std::size_t>(offsets.slab_bytes) / sizeof(Page) *
+                           static_cast<std::size_t>(count));
   const auto slab_of = [&](int index) {
-    return SlabView(offsets, memory.data() + index * offsets.slab_bytes);
+    return SlabView(offsets, reinterpret_cast<std::byte*>(memory.data()) + index * offsets.slab_bytes);
   };
   const auto target_of = [&](int index, int step, bool is_final) -> ObservationTarget {
     const SlabView slab = slab_of(index);

@@ -13,6 +13,7 @@ namespace {
 constexpr char kEscape = '\x1C';
 constexpr int kReferenceRows = 120;  // text is no larger than on this screen; on a smaller one it shrinks
 constexpr int kTextColorBold = 10;
+constexpr std::size_t kCanvasesKept = 16;
 
 /// Darkest and brightest shade of each text colour.
 struct Shades {
@@ -332,17 +333,24 @@ void HudText::wrap(const Font& font, int width) {
   lines_.push_back(line);
 }
 
-HudText::Canvas HudText::canvas(const acs::HudMessage& message) const {
+const HudText::Canvas& HudText::canvas(const acs::HudMessage& message) {
+  const bool own_size = message.hud_width > 0 && message.hud_height > 0;
+  const int hud_width = own_size ? message.hud_width : 0, hud_height = own_size ? message.hud_height : 0;
+  const bool covers_bar = own_size && message.hud_covers_bar;
+  for (const Canvas& known : canvases_)
+    if (known.hud_width == hud_width && known.hud_height == hud_height && known.covers_bar == covers_bar)
+      return known;
+  if (canvases_.size() >= kCanvasesKept) canvases_.clear();
   Canvas canvas;
+  canvas.hud_width = hud_width, canvas.hud_height = hud_height, canvas.covers_bar = covers_bar;
   const auto width = static_cast<float>(width_), height = static_cast<float>(height_);
   const float below = static_cast<float>(view_rows_) / height;  // part of the screen above the bar
-  if (message.hud_width > 0 && message.hud_height > 0) {
+  if (own_size) {
     // The 4:3 part in the middle of the screen; it ends above the status bar unless the script wants it too.
     const float wide = std::min(1.0f, static_cast<float>((4.0 / 3.0) / screen_aspect_));
-    canvas.width = message.hud_width, canvas.height = message.hud_height;
-    canvas.scale_x = width * wide / static_cast<float>(message.hud_width);
-    canvas.scale_y =
-        height * (message.hud_covers_bar ? 1.0f : below) / static_cast<float>(message.hud_height);
+    canvas.width = hud_width, canvas.height = hud_height;
+    canvas.scale_x = width * wide / static_cast<float>(hud_width);
+    canvas.scale_y = height * (covers_bar ? 1.0f : below) / static_cast<float>(hud_height);
     canvas.left = width * (1 - wide) / 2;
   } else {
     // A texel a pixel, as in ZDoom. Pictures smaller than its smallest screen show that one made smaller.
@@ -354,16 +362,25 @@ HudText::Canvas HudText::canvas(const acs::HudMessage& message) const {
     canvas.scale_x = width / static_cast<float>(columns);
     canvas.scale_y = height / static_cast<float>(rows);
   }
-  canvas.clip[2] = width_, canvas.clip[3] = height_;
-  if (message.clip[2] > 0 && message.clip[3] > 0) {
-    const auto pixel = [](float at) { return static_cast<int>(std::lround(std::clamp(at, -1e5f, 1e5f))); };
-    const auto unit = [&](std::size_t i) { return static_cast<float>(message.clip[i]); };
-    canvas.clip[0] = std::max(0, pixel(canvas.left + unit(0) * canvas.scale_x));
-    canvas.clip[1] = std::max(0, pixel(unit(1) * canvas.scale_y));
-    canvas.clip[2] = std::min(width_, pixel(canvas.left + (unit(0) + unit(2)) * canvas.scale_x));
-    canvas.clip[3] = std::min(height_, pixel((unit(1) + unit(3)) * canvas.scale_y));
-  }
-  return canvas;
+  const auto units = [](int pixels, float begin, float scale, std::vector<int>* into) {
+    for (int pixel = 0; pixel < pixels; ++pixel)
+      into->push_back(static_cast<int>(std::floor((static_cast<float>(pixel) + 0.5f - begin) / scale)));
+  };
+  units(width_, canvas.left, canvas.scale_x, &canvas.columns);
+  units(height_, 0, canvas.scale_y, &canvas.rows);
+  return canvases_.emplace_back(std::move(canvas));
+}
+
+HudText::Box HudText::clip(const acs::HudMessage& message, const Canvas& canvas) const {
+  Box box{0, 0, width_, height_};
+  if (message.clip[2] <= 0 || message.clip[3] <= 0) return box;
+  const auto pixel = [](float at) { return static_cast<int>(std::lround(std::clamp(at, -1e5f, 1e5f))); };
+  const auto unit = [&](std::size_t i) { return static_cast<float>(message.clip[i]); };
+  box.left = std::max(0, pixel(canvas.left + unit(0) * canvas.scale_x));
+  box.top = std::max(0, pixel(unit(1) * canvas.scale_y));
+  box.right = std::min(width_, pixel(canvas.left + (unit(0) + unit(2)) * canvas.scale_x));
+  box.bottom = std::min(height_, pixel((unit(1) + unit(3)) * canvas.scale_y));
+  return box;
 }
 
 void HudText::draw(std::span<const acs::HudMessage> messages, int player, const uint32_t* colors,
@@ -379,7 +396,8 @@ void HudText::draw_text(const acs::HudMessage& message, const uint32_t* colors, 
   for (char& letter : name) letter = static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
   const bool is_font = name == "SMALLFONT" || name == "BIGFONT" || name == "CONFONT" || name == "DBIGFONT" ||
                        name == "SMALLFNT" || name == "CONSOLEFONT";
-  const Canvas place = canvas(message);
+  const Canvas& place = canvas(message);
+  const Box box = clip(message, place);
   const Glyph* shown = is_font ? nullptr : graphic(name);
   const Font* letters = is_font ? &font(name) : nullptr;
   int box_width = 0, box_height = 0;
@@ -422,7 +440,7 @@ void HudText::draw_text(const acs::HudMessage& message, const uint32_t* colors, 
   }
 
   if (shown != nullptr) {
-    draw_glyph(*shown, kTextColorPlain, left, top, place, now.alpha, message.additive, colors, picture);
+    draw_glyph(*shown, kTextColorPlain, left, top, place, box, now.alpha, message.additive, colors, picture);
     return;
   }
   for (std::size_t row = 0; row < lines_.size(); ++row) {
@@ -431,50 +449,38 @@ void HudText::draw_text(const acs::HudMessage& message, const uint32_t* colors, 
     for (std::size_t i = line.begin; i < line.end && i < now.letters; ++i) {
       const Letter& letter = letters_[i];
       if (const Glyph* glyph = letters->glyph(letter.code))
-        draw_glyph(*glyph, letter.color, x, top + static_cast<int>(row) * letters->height(), place, now.alpha,
-                   message.additive, colors, picture);
+        draw_glyph(*glyph, letter.color, x, top + static_cast<int>(row) * letters->height(), place, box,
+                   now.alpha, message.additive, colors, picture);
       x += letters->advance(letter.code);
     }
   }
 }
 
-void HudText::draw_glyph(const Glyph& glyph, int color, int x, int y, const Canvas& canvas, float alpha,
-                         bool additive, const uint32_t* colors, uint8_t* picture) {
+void HudText::draw_glyph(const Glyph& glyph, int color, int x, int y, const Canvas& canvas, const Box& clip,
+                         float alpha, bool additive, const uint32_t* colors, uint8_t* picture) {
   x -= glyph.left_offset, y -= glyph.top_offset;
-  const auto first = [](float edge) {
-    return static_cast<int>(std::ceil(std::clamp(edge, -1e6f, 1e6f) - 0.5f));
+  const auto first = [](const std::vector<int>& units, int unit) {
+    return static_cast<int>(std::ranges::lower_bound(units, unit) - units.begin());
   };
-  const int begin_x = std::max(canvas.clip[0], first(canvas.left + static_cast<float>(x) * canvas.scale_x));
-  const int end_x =
-      std::min(canvas.clip[2], first(canvas.left + static_cast<float>(x + glyph.width) * canvas.scale_x));
-  const int begin_y = std::max(canvas.clip[1], first(static_cast<float>(y) * canvas.scale_y));
-  const int end_y = std::min(canvas.clip[3], first(static_cast<float>(y + glyph.height) * canvas.scale_y));
-  if (begin_x >= end_x || begin_y >= end_y) return;
+  const int begin_x = std::max(clip.left, first(canvas.columns, x)),
+            end_x = std::min(clip.right, first(canvas.columns, x + glyph.width)),
+            begin_y = std::max(clip.top, first(canvas.rows, y)),
+            end_y = std::min(clip.bottom, first(canvas.rows, y + glyph.height));
   const std::array<uint8_t, 256>* shades = color == kTextColorPlain ? nullptr : &ramp(color);
   const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   const int share = static_cast<int>(alpha * 256.0f + 0.5f);
   const bool covers = share == 256 && !additive;
-  texel_columns_.clear();
-  for (int column = begin_x; column < end_x; ++column)
-    texel_columns_.push_back(std::clamp(
-        static_cast<int>(std::floor((static_cast<float>(column) + 0.5f - canvas.left) / canvas.scale_x)) - x,
-        0, glyph.width - 1));
   for (int row = begin_y; row < end_y; ++row) {
-    const int from_y =
-        std::clamp(static_cast<int>(std::floor((static_cast<float>(row) + 0.5f) / canvas.scale_y)) - y, 0,
-                   glyph.height - 1);
-    const std::size_t texel_row = static_cast<std::size_t>(from_y) * static_cast<std::size_t>(glyph.width);
-    const uint8_t* const texels = &glyph.texels[texel_row];
-    uint8_t* pixel = picture + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
-                     static_cast<std::size_t>(begin_x);
-    for (const int from_x : texel_columns_) {
-      uint8_t* const at = pixel++;
-      const uint8_t texel = texels[from_x];
+    const std::size_t texel_row = static_cast<std::size_t>(canvas.rows[static_cast<std::size_t>(row)] - y) *
+                                  static_cast<std::size_t>(glyph.width);
+    for (int column = begin_x; column < end_x; ++column) {
+      const std::size_t from =
+          texel_row + static_cast<std::size_t>(canvas.columns[static_cast<std::size_t>(column)] - x);
+      const uint8_t texel = glyph.texels[from];
       if (texel == kTransparentIndex) continue;
-      const uint32_t rgb =
-          colors[shades == nullptr
-                     ? texel
-                     : (*shades)[glyph.brightness[texel_row + static_cast<std::size_t>(from_x)]]];
+      uint8_t* const at = picture + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                          static_cast<std::size_t>(column);
+      const uint32_t rgb = colors[shades == nullptr ? texel : (*shades)[glyph.brightness[from]]];
       for (std::size_t channel = 0; channel < 3; ++channel) {
         const int source = static_cast<int>(rgb >> (8 * channel) & 255), below = at[channel * plane];
         at[channel * plane] =

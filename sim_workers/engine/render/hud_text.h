@@ -75,21 +75,27 @@ class HudText {
     std::size_t begin = 0, end = 0;  ///< into letters_
     int width = 0;
   };
-  /// From units of a message's screen to pixels.
+  /// The screen that a message's places refer to, and which of its columns and rows lie under the pixels.
   struct Canvas {
-    float scale_x = 1, scale_y = 1, left = 0;
-    int width = 0, height = 0;   ///< of the screen that places refer to
-    int clip[4] = {0, 0, 0, 0};  ///< pixels: left, top, right, bottom
+    int hud_width = 0, hud_height = 0;  ///< of acs::HudMessage, as is
+    bool covers_bar = false;
+    int width = 0, height = 0;
+    float scale_x = 1, scale_y = 1, left = 0;  ///< pixels a unit, and those left of the screen
+    std::vector<int> columns, rows;            ///< [pixel]
+  };
+  struct Box {
+    int left = 0, top = 0, right = 0, bottom = 0;  ///< pixels
   };
   const Font& font(std::string_view name);
   const Glyph* graphic(const std::string& name);
   const std::array<uint8_t, 256>& ramp(int color);
-  Canvas canvas(const acs::HudMessage& message) const;
+  const Canvas& canvas(const acs::HudMessage& message);
+  Box clip(const acs::HudMessage& message, const Canvas& canvas) const;
   void spell(const acs::HudMessage& message);
   void wrap(const Font& font, int width);
   void draw_text(const acs::HudMessage& message, const uint32_t* colors, uint8_t* picture);
-  void draw_glyph(const Glyph& glyph, int color, int x, int y, const Canvas& canvas, float alpha,
-                  bool additive, const uint32_t* colors, uint8_t* picture);
+  void draw_glyph(const Glyph& glyph, int color, int x, int y, const Canvas& canvas, const Box& clip,
+                  float alpha, bool additive, const uint32_t* colors, uint8_t* picture);
 
   std::shared_ptr<const ArtArchive> archive_;
   int width_, height_, view_rows_;
@@ -99,7 +105,7 @@ class HudText {
   std::array<std::array<uint8_t, 256>, kTextColorCount> ramps_{};  // [color][brightness] palette index
   std::array<bool, kTextColorCount> ramp_made_{};
   std::vector<Letter> letters_;
-  std::vector<int> texel_columns_;  // of a glyph, under the pixels of a row
+  std::vector<Canvas> canvases_;
   std::vector<Line> lines_;
 };
 

@@ -30,6 +30,9 @@ void place(const Sidedef& sidedef, SideTexture which, ScenePart* part) {
   part->scale_x = usable(own.scale_x), part->scale_y = usable(own.scale_y);
 }
 
+/// The angle between a wall and the x axis, 0 to pi/2; rounded from double, so that every C library gives the same.
+float slope_of(double dx, double dy) { return static_cast<float>(std::atan2(std::abs(dy), std::abs(dx))); }
+
 Expected<SceneSide> resolve_side(const Level& level, uint32_t index, float dx, float dy, ArtAtlas* atlas) {
   const Sidedef& sidedef = level.sidedefs[index];
   SceneSide side;
@@ -44,7 +47,7 @@ Expected<SceneSide> resolve_side(const Level& level, uint32_t index, float dx, f
   if ((sidedef.flags & kSideNoFakeContrast) != 0)
     side.contrast_rows = 0;
   else if ((sidedef.flags & kSideSmoothLighting) != 0 && (dx != 0 || dy != 0))
-    side.contrast_rows = kContrastRows * (1.0f - 4.0f * std::atan2(std::abs(dy), std::abs(dx)) / 3.14159265f);
+    side.contrast_rows = kContrastRows * (1.0f - 4.0f / 3.14159265f * slope_of(dx, dy));
   else
     side.contrast_rows = dy == 0 ? kContrastRows : dx == 0 ? -kContrastRows : 0;
   return side;

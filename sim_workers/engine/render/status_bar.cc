@@ -1,7 +1,6 @@
 #include "sim_workers/engine/render/status_bar.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 
 namespace comrad::doom {
@@ -158,7 +157,8 @@ void StatusBar::draw(const IndexedImage& image, int x, int y, const Canvas& canv
                      std::vector<uint8_t>* indices) const {
   x -= image.left_offset, y += kScreenHeight - kHeight - image.top_offset;
   const auto place = [](int at, int pixels, int units) {
-    return static_cast<int>(std::floor(static_cast<double>(at) * pixels / units));
+    const int cut = at * pixels / units;
+    return cut - (cut * units > at * pixels ? 1 : 0);  // rounded down
   };
   const int left = place(x, canvas.width, kWidth), right = place(x + image.width, canvas.width, kWidth);
   const int top = place(y, canvas.height, kScreenHeight);
@@ -191,13 +191,16 @@ void StatusBar::draw_number(std::span<const IndexedImage> digits, int number, in
   } while (number > 0);
 }
 
-void StatusBar::compose(const StatusBarState& state, const Canvas& canvas,
-                        std::vector<uint8_t>* indices) const {
-  indices->assign(
-      static_cast<std::size_t>(canvas.width) * static_cast<std::size_t>(canvas.height - canvas.rows_above),
-      kTransparentIndex);
-  draw(bar_, 0, 0, canvas, indices);
-  draw(arms_, kArmsLeft, 0, canvas, indices);
+void StatusBar::compose(const StatusBarState& state, const Canvas& canvas, std::vector<uint8_t>* indices) {
+  if (canvas != empty_canvas_) {
+    empty_canvas_ = canvas;
+    empty_.assign(
+        static_cast<std::size_t>(canvas.width) * static_cast<std::size_t>(canvas.height - canvas.rows_above),
+        kTransparentIndex);
+    draw(bar_, 0, 0, canvas, &empty_);
+    draw(arms_, kArmsLeft, 0, canvas, &empty_);
+  }
+  *indices = empty_;
   if (state.ammo >= 0) draw_number(large_, state.ammo, kAmmoRight, kNumberRow, 3, canvas, indices);
   draw_number(large_, state.health, kHealthRight, kNumberRow, 3, canvas, indices);
   draw(percent_, kHealthRight, kNumberRow, canvas, indices);

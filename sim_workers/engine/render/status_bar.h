@@ -52,14 +52,13 @@ class StatusBar {
   /// Size of the picture whose lowest rows the bar is: the whole picture's, and how many rows lie above it.
   struct Canvas {
     int width = kWidth, height = kScreenHeight, rows_above = kScreenHeight - kHeight;
+    bool operator==(const Canvas&) const = default;
   };
   /// The bar as indices, [canvas.height - canvas.rows_above, canvas.width]. As in ZDoom each graphic is
   /// scaled by itself, from its upper left corner.
-  void compose(const StatusBarState& state, const Canvas& canvas, std::vector<uint8_t>* indices) const;
+  void compose(const StatusBarState& state, const Canvas& canvas, std::vector<uint8_t>* indices);
   /// On Doom's own screen: [kHeight, kWidth].
-  void compose(const StatusBarState& state, std::vector<uint8_t>* indices) const {
-    compose(state, {}, indices);
-  }
+  void compose(const StatusBarState& state, std::vector<uint8_t>* indices) { compose(state, {}, indices); }
 
  private:
   static constexpr std::size_t kLivingFaces = static_cast<std::size_t>(StatusBarState::Face::kGod);
@@ -72,6 +71,8 @@ class StatusBar {
   std::array<IndexedImage, 10> large_, gray_, yellow_;
   std::array<IndexedImage, 6> keys_;                             ///< cards, then skulls: blue, yellow, red
   std::array<std::array<IndexedImage, kLivingFaces>, 5> faces_;  ///< [pain][Face below kGod]
+  std::vector<uint8_t> empty_;                                   // the bar without its numbers and face
+  Canvas empty_canvas_{.width = 0};
 };
 
 }  // namespace comrad::doom

@@ -362,7 +362,8 @@ uint32_t Surfaces::plane(uint32_t sector_index, bool floor) {
   static const FlatPlacement plain;
   if (!same_placement(placement, plain)) {
     const double radians = placement.rotation_degrees * (6.283185307179586 / 360.0);
-    along_x = std::cos(radians), across = std::sin(radians);
+    // Rounded from double, so that every C library gives the same.
+    along_x = static_cast<float>(std::cos(radians)), across = static_cast<float>(std::sin(radians));
     const auto usable = [](float scale) { return scale > 1e-3f && scale < 1e3f ? scale : 1.0f; };
     scale_x = usable(placement.scale_x), scale_y = usable(placement.scale_y);
     offset_x = to_double(placement.offset_x), offset_y = to_double(placement.offset_y);

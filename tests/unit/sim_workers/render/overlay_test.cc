@@ -24,7 +24,7 @@ class StatusBarTest : public ::testing::Test {
     ASSERT_TRUE(bar.has_value()) << bar.error().message;
     bar_.emplace(std::move(bar).value());
   }
-  std::vector<uint8_t> compose(const StatusBarState& state) const {
+  std::vector<uint8_t> compose(const StatusBarState& state) {
     std::vector<uint8_t> indices;
     bar_->compose(state, &indices);
     return indices;

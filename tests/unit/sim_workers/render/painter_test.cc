@@ -316,5 +316,22 @@ TEST(Painter, DrawsEverySizeFromOnePixelOn) {
   }
 }
 
+TEST(ShowIndices, GivesEachPixelItsColourAndTouchesNoOther) {
+  Rng rng{uint64_t{7}};
+  std::vector<uint32_t> colors(256);
+  for (uint32_t& color : colors) color = static_cast<uint32_t>(rng.next()) & 0xFFFFFFu;
+  for (const std::size_t size : {0u, 1u, 15u, 16u, 63u, 64u, 65u, 1000u, 7808u}) {
+    std::vector<uint8_t> indices(size);
+    for (uint8_t& index : indices) index = static_cast<uint8_t>(rng.below(256));
+    const std::size_t plane = size + 37;  // rows of a status bar follow
+    std::vector<uint8_t> shown(3 * plane, 7), wanted = shown;
+    for (std::size_t i = 0; i < size; ++i)
+      for (std::size_t channel = 0; channel < 3; ++channel)
+        wanted[channel * plane + i] = static_cast<uint8_t>(colors[indices[i]] >> (8 * channel));
+    show_indices(indices, colors.data(), plane, shown.data());
+    EXPECT_EQ(shown, wanted) << size << " pixels";
+  }
+}
+
 }  // namespace painter_test
 }  // namespace comrad::doom

@@ -1,5 +1,5 @@
 // Prints a hash of the painter's pictures of each scenario, and of every .cfg game of the folders named, after decisions by
-// chance: what compilers_test.sh compares between compilers.
+// chance, and of maps of each scenario: what compilers_test.sh compares between compilers.
 //   view_hashes [FOLDER with .cfg games]...
 #include <algorithm>
 #include <cstdio>
@@ -19,7 +19,7 @@
 namespace comrad {
 namespace {
 
-constexpr int kViews = 77;
+constexpr int kViews = 77, kMaps = 20;
 
 /// Plays `game` by chance and hashes kViews pictures.
 Status hash_views(const std::string& name, std::shared_ptr<const sim::DoomGame> game,
@@ -49,17 +49,28 @@ Status hash_views(const std::string& name, std::shared_ptr<const sim::DoomGame> 
   return {};
 }
 
+Status hash_game(const std::string& name, const std::string& scenario, const std::string& wad, int agents) {
+  COMRAD_TRY_ASSIGN(const auto game,
+                    sim::load_doom_game({.scenario = scenario, .wad_path = wad, .num_agents = agents}));
+  return hash_views(name, game, {wad});
+}
+
 Status hash_scenario(const std::string& name, const std::filesystem::path& folder) {
   COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(name));
   scenarios::LayoutRequest request;
   request.num_agents = spec.default_agents;
+  uint64_t hash = 0;
+  for (int map = 0; map < kMaps; ++map) {
+    request.seed = static_cast<uint64_t>(map);
+    COMRAD_TRY_ASSIGN(const scenarios::GeneratedLayout drawn, scenarios::generate_layout(name, request));
+    hash = hash * 31 + checksum64(std::as_bytes(std::span(drawn.wad)));
+  }
+  std::printf("%s %d maps %016llx\n", name.c_str(), kMaps, static_cast<unsigned long long>(hash));
+  request.seed = 42;
   COMRAD_TRY_ASSIGN(const scenarios::GeneratedLayout layout, scenarios::generate_layout(name, request));
   const std::string path = folder / (name + ".wad");
   COMRAD_TRY(write_file_atomically(path, layout.wad, /*durable=*/false));
-  COMRAD_TRY_ASSIGN(
-      const auto game,
-      sim::load_doom_game({.scenario = name, .wad_path = path, .num_agents = spec.default_agents}));
-  return hash_views(name, game, {path});
+  return hash_game(name, name, path, spec.default_agents);
 }
 
 int run(int argc, char** argv) {
@@ -75,12 +86,11 @@ int run(int argc, char** argv) {
       if (entry.path().extension() == ".cfg") games.push_back(entry.path());
     std::ranges::sort(games);
     for (const std::string& path : games) {
-      const auto game = sim::load_doom_game({.scenario = path, .num_agents = 0});
-      if (!game) {  // a game of several players, or of another IWAD
-        std::printf("%s left out: %s\n", path.c_str(), game.error().message.c_str());
-        continue;
-      }
-      if (status) status = hash_views(std::filesystem::path(path).stem(), *game, {});
+      const auto spec = scenarios::load_scenario(path);
+      if (status && !spec) status = spec.error();
+      if (status)
+        status = hash_game(std::filesystem::path(path).stem(), path, spec->folder + "/" + spec->wad,
+                           spec->default_agents);
     }
   }
   std::error_code ignored;
