@@ -238,10 +238,10 @@ Status ArtArchive::read_palette() {
   return {};
 }
 
-uint8_t ArtArchive::nearest(Color color) const {
+uint8_t ArtArchive::nearest(Color color, std::size_t last) const {
   uint8_t best = 1;
   int best_distance = INT32_MAX;
-  for (std::size_t index = 1; index < 256; ++index) {
+  for (std::size_t index = 1; index <= last; ++index) {
     int distance = 0;
     for (std::size_t channel = 0; channel < 3; ++channel) {
       const int difference = int{palettes_[0][index][channel]} - int{color[channel]};

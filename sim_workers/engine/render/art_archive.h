@@ -65,8 +65,8 @@ class ArtArchive {
   const std::array<Color, 256>& palette(int index) const { return palettes_[index]; }
   /// Row 0..31 of the light table, or kInverseRow.
   const std::array<uint8_t, 256>& colormap(int row) const { return colormaps_[row]; }
-  /// The index of palette 0 that is nearest to a colour; never kTransparentIndex.
-  uint8_t nearest(Color color) const;
+  /// The index of palette 0, up to `last`, that is nearest to a colour; never kTransparentIndex.
+  uint8_t nearest(Color color, std::size_t last = 255) const;
 
   // Wall textures and flats share one name space where a map says the one for the other (as ZDoom allows):
   // wall() looks among the textures first, flat() among the flats first.

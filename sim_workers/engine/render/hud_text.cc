@@ -15,48 +15,44 @@ constexpr int kReferenceRows = 120;  // text is no larger than on this screen; o
 constexpr int kTextColorBold = 10;
 constexpr std::size_t kCanvasesKept = 16;
 
-/// Darkest and brightest shade of each text colour.
+/// What the levels [first, last] of a text colour become: from `dark` to `bright`.
 struct Shades {
+  int color, first, last;
   ArtArchive::Color dark, bright;
 };
-constexpr std::array<Shades, kTextColorCount> kShades = {{
-    {{0x47, 0x00, 0x00}, {0xFF, 0xB8, 0xB8}},  // brick
-    {{0x33, 0x2B, 0x13}, {0xFF, 0xEB, 0xDF}},  // tan
-    {{0x27, 0x27, 0x27}, {0xEF, 0xEF, 0xEF}},  // gray
-    {{0x0B, 0x17, 0x07}, {0x77, 0xFF, 0x6F}},  // green
-    {{0x53, 0x3F, 0x2F}, {0xBF, 0xA7, 0x8F}},  // brown
-    {{0x73, 0x2B, 0x00}, {0xFF, 0xFF, 0x73}},  // gold
-    {{0x3F, 0x00, 0x00}, {0xFF, 0x00, 0x00}},  // red
-    {{0x00, 0x00, 0x27}, {0x00, 0x00, 0xFF}},  // blue
-    {{0x20, 0x00, 0x00}, {0xFF, 0x80, 0x00}},  // orange
-    {{0x24, 0x24, 0x24}, {0xFF, 0xFF, 0xFF}},  // white
-    {{0x51, 0x40, 0x20}, {0xFC, 0xD0, 0x43}},  // yellow
-    {{0x00, 0x00, 0x00}, {0xFF, 0xFF, 0xFF}},  // untranslated
-    {{0x13, 0x13, 0x13}, {0x50, 0x50, 0x50}},  // black
-    {{0x00, 0x00, 0x73}, {0xB4, 0xB4, 0xFF}},  // light blue
-    {{0xCF, 0x83, 0x53}, {0xFF, 0xD7, 0xBB}},  // cream
-    {{0x2F, 0x37, 0x1F}, {0x7B, 0x7F, 0x50}},  // olive
-    {{0x0B, 0x17, 0x07}, {0x43, 0x93, 0x37}},  // dark green
-    {{0x2B, 0x00, 0x00}, {0xAF, 0x2B, 0x2B}},  // dark red
-    {{0x1F, 0x17, 0x0B}, {0xA3, 0x6B, 0x3F}},  // dark brown
-    {{0x23, 0x00, 0x23}, {0xCF, 0x00, 0xCF}},  // purple
-    {{0x23, 0x23, 0x23}, {0x8B, 0x8B, 0x8B}},  // dark gray
-    {{0x00, 0x1F, 0x1F}, {0x00, 0xF0, 0xF0}},  // cyan
-    {{0x34, 0x34, 0x50}, {0xF6, 0xF6, 0xFF}},  // ice
-    {{0xD5, 0x76, 0x04}, {0xFF, 0xFF, 0x00}},  // fire
-    {{0x50, 0x64, 0x68}, {0x50, 0x6C, 0xFC}},  // sapphire
-    {{0x23, 0x6E, 0x6B}, {0x6B, 0xDD, 0xD5}},  // teal
-}};
+constexpr Shades kShades[] = {
+    {0, 0, 256, {0x47, 0x00, 0x00}, {0xFF, 0xB8, 0xB8}},  // brick
+    {1, 0, 256, {0x33, 0x2B, 0x13}, {0xFF, 0xEB, 0xDF}},  // tan
+    {2, 0, 256, {0x27, 0x27, 0x27}, {0xEF, 0xEF, 0xEF}},  // gray
+    {3, 0, 256, {0x0B, 0x17, 0x07}, {0x77, 0xFF, 0x6F}},  // green
+    {4, 0, 256, {0x53, 0x3F, 0x2F}, {0xBF, 0xA7, 0x8F}},  // brown
+    {5, 0, 256, {0x73, 0x2B, 0x00}, {0xFF, 0xFF, 0x73}},  // gold
+    {6, 0, 256, {0x3F, 0x00, 0x00}, {0xFF, 0x00, 0x00}},  // red
+    {7, 0, 256, {0x00, 0x00, 0x27}, {0x00, 0x00, 0xFF}},  // blue
+    {8, 0, 256, {0x20, 0x00, 0x00}, {0xFF, 0x80, 0x00}},  // orange
+    {9, 0, 256, {0x24, 0x24, 0x24}, {0xFF, 0xFF, 0xFF}},  // white
+    {10, 0, 64, {0x27, 0x27, 0x27}, {0x51, 0x51, 0x51}},  // yellow
+    {10, 65, 207, {0x78, 0x49, 0x18}, {0xF3, 0xA7, 0x18}},
+    {10, 208, 256, {0xF3, 0xA8, 0x2A}, {0xFC, 0xD0, 0x43}},
+    {12, 0, 256, {0x13, 0x13, 0x13}, {0x50, 0x50, 0x50}},  // black
+    {13, 0, 256, {0x00, 0x00, 0x73}, {0xB4, 0xB4, 0xFF}},  // light blue
+    {14, 0, 256, {0xCF, 0x83, 0x53}, {0xFF, 0xD7, 0xBB}},  // cream
+    {15, 0, 256, {0x2F, 0x37, 0x1F}, {0x7B, 0x7F, 0x50}},  // olive
+    {16, 0, 256, {0x0B, 0x17, 0x07}, {0x43, 0x93, 0x37}},  // dark green
+    {17, 0, 256, {0x2B, 0x00, 0x00}, {0xAF, 0x2B, 0x2B}},  // dark red
+    {18, 0, 256, {0x1F, 0x17, 0x0B}, {0xA3, 0x6B, 0x3F}},  // dark brown
+    {19, 0, 256, {0x23, 0x00, 0x23}, {0xCF, 0x00, 0xCF}},  // purple
+    {20, 0, 256, {0x23, 0x23, 0x23}, {0x8B, 0x8B, 0x8B}},  // dark gray
+    {21, 0, 256, {0x00, 0x1F, 0x1F}, {0x00, 0xF0, 0xF0}},  // cyan
+};
 
 /// Names in \c[Name] escapes, in the order of the numbers.
 constexpr std::array<std::string_view, kTextColorCount> kColorNames = {
-    "brick",     "tan",    "gray",         "green", "brown",     "gold",  "red",      "blue",      "orange",
-    "white",     "yellow", "untranslated", "black", "lightblue", "cream", "olive",    "darkgreen", "darkred",
-    "darkbrown", "purple", "darkgray",     "cyan",  "ice",       "fire",  "sapphire", "teal"};
+    "brick",     "tan",     "gray",      "green",        "brown",    "gold",      "red",   "blue",
+    "orange",    "white",   "yellow",    "untranslated", "black",    "lightblue", "cream", "olive",
+    "darkgreen", "darkred", "darkbrown", "purple",       "darkgray", "cyan"};
 
-int luminance(const ArtArchive::Color& color) {
-  return (color[0] * 77 + color[1] * 143 + color[2] * 37) / 257;
-}
+int luminance(const ArtArchive::Color& color) { return color[0] * 77 + color[1] * 143 + color[2] * 37; }
 
 uint32_t u16(std::span<const uint8_t> bytes, std::size_t at) {
   return bytes[at] | static_cast<uint32_t>(bytes[at + 1]) << 8;
@@ -79,7 +75,7 @@ Font Font::from_graphics(const ArtArchive& archive, std::string_view prefix, int
                          .left_offset = image->left_offset,
                          .top_offset = image->top_offset,
                          .texels = image->texels,
-                         .brightness = {}});
+                         .levels = {}});
   }
   if (const Glyph* wide = font.glyph('N')) font.space_width_ = (wide->width + 1) / 2;
   font.finish(archive);
@@ -118,12 +114,8 @@ Expected<Font> Font::from_fon2(std::span<const uint8_t> lump, const ArtArchive& 
   for (std::size_t i = 0; i < count; ++i) {
     if (widths[i] == 0) continue;
     if (widths[i] > 256) return broken("a letter is wider than 256 texels");
-    Glyph glyph{.width = widths[i],
-                .height = height,
-                .left_offset = 0,
-                .top_offset = 0,
-                .texels = {},
-                .brightness = {}};
+    Glyph glyph{
+        .width = widths[i], .height = height, .left_offset = 0, .top_offset = 0, .texels = {}, .levels = {}};
     const std::size_t size = static_cast<std::size_t>(widths[i]) * static_cast<std::size_t>(height);
     while (glyph.texels.size() < size) {
       if (at >= lump.size()) return broken("the letters are cut short");
@@ -149,7 +141,7 @@ Expected<Font> Font::from_fon2(std::span<const uint8_t> lump, const ArtArchive& 
 }
 
 void Font::finish(const ArtArchive& archive) {
-  int darkest = 255, brightest = 0;
+  int darkest = INT32_MAX, brightest = 0;
   const auto each = [&](auto visit) {
     for (Glyph& glyph : glyphs_)
       for (std::size_t i = 0; i < glyph.texels.size(); ++i)
@@ -160,11 +152,12 @@ void Font::finish(const ArtArchive& archive) {
     darkest = std::min(darkest, bright), brightest = std::max(brightest, bright);
   });
   for (Glyph& glyph : glyphs_) {
-    glyph.brightness.assign(glyph.texels.size(), 0);
+    glyph.levels.assign(glyph.texels.size(), 0);
     height_ = std::max(height_, glyph.height - std::min(0, glyph.top_offset));
   }
   each([&](Glyph& glyph, std::size_t i, int bright) {
-    glyph.brightness[i] = static_cast<uint8_t>((bright - darkest) * 255 / std::max(1, brightest - darkest));
+    glyph.levels[i] =
+        static_cast<uint16_t>((bright - darkest) * (kTextLevels - 1) / std::max(1, brightest - darkest));
   });
 }
 
@@ -223,24 +216,28 @@ const Glyph* HudText::graphic(const std::string& name) {
     made.width = image->width, made.height = image->height;
     made.left_offset = image->left_offset, made.top_offset = image->top_offset;
     made.texels = std::move(image->texels);
-    made.brightness.assign(made.texels.size(), 0);
+    made.levels.assign(made.texels.size(), 0);
   } else {
     spdlog::warn("{}; the script's picture is not drawn", image.error().message);
   }
   return &graphics_.emplace(name, std::move(made)).first->second;
 }
 
-const std::array<uint8_t, 256>& HudText::ramp(int color) {
+const HudText::Ramp& HudText::ramp(int color) {
   const auto at = static_cast<std::size_t>(color);
-  if (!ramp_made_[at]) {
-    ramp_made_[at] = true;
-    for (int level = 0; level < 256; ++level) {
+  if (ramp_made_[at]) return ramps_[at];
+  ramp_made_[at] = true;
+  for (const Shades& shades : kShades) {
+    if (shades.color != color) continue;
+    for (int level = shades.first; level <= shades.last; ++level) {
       ArtArchive::Color shade{};
       for (std::size_t channel = 0; channel < 3; ++channel) {
-        const int dark = kShades[at].dark[channel], bright = kShades[at].bright[channel];
-        shade[channel] = static_cast<uint8_t>(dark + (bright - dark) * level / 255);
+        const int dark = shades.dark[channel], bright = shades.bright[channel];
+        shade[channel] = static_cast<uint8_t>(dark + (bright - dark) * (level - shades.first) /
+                                                         (shades.last - shades.first));
       }
-      ramps_[at][static_cast<std::size_t>(level)] = archive_->nearest(shade);
+      // The reference engine leaves out the palette's last entry here.
+      ramps_[at][static_cast<std::size_t>(level)] = archive_->nearest(shade, 254);
     }
   }
   return ramps_[at];
@@ -333,6 +330,11 @@ void HudText::wrap(const Font& font, int width) {
   lines_.push_back(line);
 }
 
+int HudText::Axis::first_pixel(int unit) const {
+  if (units.empty()) return static_cast<int>(std::floor(begin + unit * pixels_per_unit));
+  return static_cast<int>(std::ranges::lower_bound(units, unit) - units.begin());
+}
+
 const HudText::Canvas& HudText::canvas(const acs::HudMessage& message) {
   const bool own_size = message.hud_width > 0 && message.hud_height > 0;
   const int hud_width = own_size ? message.hud_width : 0, hud_height = own_size ? message.hud_height : 0;
@@ -343,43 +345,43 @@ const HudText::Canvas& HudText::canvas(const acs::HudMessage& message) {
   if (canvases_.size() >= kCanvasesKept) canvases_.clear();
   Canvas canvas;
   canvas.hud_width = hud_width, canvas.hud_height = hud_height, canvas.covers_bar = covers_bar;
-  const auto width = static_cast<float>(width_), height = static_cast<float>(height_);
-  const float below = static_cast<float>(view_rows_) / height;  // part of the screen above the bar
+  const double below = static_cast<double>(view_rows_) / height_;  // part of the screen above the bar
+  const auto scale = [](Axis* axis, int pixels, double begin, double share, double units) {
+    axis->begin = begin, axis->pixels_per_unit = pixels * share / units;
+    axis->step = static_cast<int64_t>(65536.0 / axis->pixels_per_unit);
+  };
   if (own_size) {
     // The 4:3 part in the middle of the screen; it ends above the status bar unless the script wants it too.
-    const float wide = std::min(1.0f, static_cast<float>((4.0 / 3.0) / screen_aspect_));
+    const double wide = std::min(1.0, (4.0 / 3.0) / screen_aspect_);
     canvas.width = hud_width, canvas.height = hud_height;
-    canvas.scale_x = width * wide / static_cast<float>(hud_width);
-    canvas.scale_y = height * (covers_bar ? 1.0f : below) / static_cast<float>(hud_height);
-    canvas.left = width * (1 - wide) / 2;
+    scale(&canvas.across, width_, width_ * (1 - wide) / 2, wide, hud_width);
+    scale(&canvas.down, height_, 0, covers_bar ? 1 : below, hud_height);
   } else {
     // A texel a pixel, as in ZDoom. Pictures smaller than its smallest screen show that one made smaller.
     const bool small = height_ < kReferenceRows;
-    const double columns = small ? kReferenceRows * screen_aspect_ : width;
-    const double rows = small ? kReferenceRows : height;
+    const double columns = small ? kReferenceRows * screen_aspect_ : width_;
+    const double rows = small ? kReferenceRows : height_;
     canvas.width = static_cast<int>(std::lround(columns));
     canvas.height = static_cast<int>(std::lround(rows * below));
-    canvas.scale_x = width / static_cast<float>(columns);
-    canvas.scale_y = height / static_cast<float>(rows);
+    scale(&canvas.across, width_, 0, 1, columns);
+    scale(&canvas.down, height_, 0, 1, rows);
+    for (auto& [axis, pixels] : {std::pair{&canvas.across, width_}, {&canvas.down, height_}})
+      for (int pixel = 0; pixel < pixels; ++pixel)
+        axis->units.push_back(static_cast<int>(std::floor((pixel + 0.5) / axis->pixels_per_unit)));
   }
-  const auto units = [](int pixels, float begin, float scale, std::vector<int>* into) {
-    for (int pixel = 0; pixel < pixels; ++pixel)
-      into->push_back(static_cast<int>(std::floor((static_cast<float>(pixel) + 0.5f - begin) / scale)));
-  };
-  units(width_, canvas.left, canvas.scale_x, &canvas.columns);
-  units(height_, 0, canvas.scale_y, &canvas.rows);
   return canvases_.emplace_back(std::move(canvas));
 }
 
 HudText::Box HudText::clip(const acs::HudMessage& message, const Canvas& canvas) const {
   Box box{0, 0, width_, height_};
   if (message.clip[2] <= 0 || message.clip[3] <= 0) return box;
-  const auto pixel = [](float at) { return static_cast<int>(std::lround(std::clamp(at, -1e5f, 1e5f))); };
-  const auto unit = [&](std::size_t i) { return static_cast<float>(message.clip[i]); };
-  box.left = std::max(0, pixel(canvas.left + unit(0) * canvas.scale_x));
-  box.top = std::max(0, pixel(unit(1) * canvas.scale_y));
-  box.right = std::min(width_, pixel(canvas.left + (unit(0) + unit(2)) * canvas.scale_x));
-  box.bottom = std::min(height_, pixel((unit(1) + unit(3)) * canvas.scale_y));
+  const auto pixel = [&](const Axis& axis, int64_t unit) {
+    return static_cast<int>(std::lround(std::clamp(axis.begin + unit * axis.pixels_per_unit, -1e5, 1e5)));
+  };
+  box.left = std::max(0, pixel(canvas.across, message.clip[0]));
+  box.top = std::max(0, pixel(canvas.down, message.clip[1]));
+  box.right = std::min(width_, pixel(canvas.across, int64_t{message.clip[0]} + message.clip[2]));
+  box.bottom = std::min(height_, pixel(canvas.down, int64_t{message.clip[1]} + message.clip[3]));
   return box;
 }
 
@@ -459,28 +461,25 @@ void HudText::draw_text(const acs::HudMessage& message, const uint32_t* colors, 
 void HudText::draw_glyph(const Glyph& glyph, int color, int x, int y, const Canvas& canvas, const Box& clip,
                          float alpha, bool additive, const uint32_t* colors, uint8_t* picture) {
   x -= glyph.left_offset, y -= glyph.top_offset;
-  const auto first = [](const std::vector<int>& units, int unit) {
-    return static_cast<int>(std::ranges::lower_bound(units, unit) - units.begin());
-  };
-  const int begin_x = std::max(clip.left, first(canvas.columns, x)),
-            end_x = std::min(clip.right, first(canvas.columns, x + glyph.width)),
-            begin_y = std::max(clip.top, first(canvas.rows, y)),
-            end_y = std::min(clip.bottom, first(canvas.rows, y + glyph.height));
-  const std::array<uint8_t, 256>* shades = color == kTextColorPlain ? nullptr : &ramp(color);
+  const int first_x = canvas.across.first_pixel(x), first_y = canvas.down.first_pixel(y);
+  const int begin_x = std::max(clip.left, first_x),
+            end_x = std::min(clip.right, canvas.across.first_pixel(x + glyph.width)),
+            begin_y = std::max(clip.top, first_y),
+            end_y = std::min(clip.bottom, canvas.down.first_pixel(y + glyph.height));
+  const Ramp* shades = color == kTextColorPlain ? nullptr : &ramp(color);
   const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   const int share = static_cast<int>(alpha * 256.0f + 0.5f);
   const bool covers = share == 256 && !additive;
   for (int row = begin_y; row < end_y; ++row) {
-    const std::size_t texel_row = static_cast<std::size_t>(canvas.rows[static_cast<std::size_t>(row)] - y) *
-                                  static_cast<std::size_t>(glyph.width);
+    const int texel_row = std::min(canvas.down.texel(row, y, first_y), glyph.height - 1) * glyph.width;
     for (int column = begin_x; column < end_x; ++column) {
-      const std::size_t from =
-          texel_row + static_cast<std::size_t>(canvas.columns[static_cast<std::size_t>(column)] - x);
+      const auto from = static_cast<std::size_t>(
+          texel_row + std::min(canvas.across.texel(column, x, first_x), glyph.width - 1));
       const uint8_t texel = glyph.texels[from];
       if (texel == kTransparentIndex) continue;
       uint8_t* const at = picture + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
                           static_cast<std::size_t>(column);
-      const uint32_t rgb = colors[shades == nullptr ? texel : (*shades)[glyph.brightness[from]]];
+      const uint32_t rgb = colors[shades == nullptr ? texel : (*shades)[glyph.levels[from]]];
       for (std::size_t channel = 0; channel < 3; ++channel) {
         const int source = static_cast<int>(rgb >> (8 * channel) & 255), below = at[channel * plane];
         at[channel * plane] =

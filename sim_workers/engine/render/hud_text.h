@@ -18,14 +18,15 @@
 
 namespace comrad::doom {
 
-constexpr int kTextColorCount = 26;  ///< CR_BRICK .. CR_TEAL
+constexpr int kTextColorCount = 22;  ///< CR_BRICK .. CR_CYAN; later ones are the letters' own, as in ViZDoom
 constexpr int kTextColorPlain = 11;  ///< CR_UNTRANSLATED: the letters' own colours
+constexpr int kTextLevels = 257;     ///< of brightness: 0 the darkest texel of a font, the last the brightest
 
 /// A letter: its picture, and how bright each texel is on a scale of its font.
 struct Glyph {
   int width = 0, height = 0, left_offset = 0, top_offset = 0;
-  std::vector<uint8_t> texels;      ///< palette indices, kTransparentIndex for holes
-  std::vector<uint8_t> brightness;  ///< 0 the darkest texel of the font, 255 the brightest
+  std::vector<uint8_t> texels;   ///< palette indices, kTransparentIndex for holes
+  std::vector<uint16_t> levels;  ///< below kTextLevels
 };
 
 class Font {
@@ -75,20 +76,34 @@ class HudText {
     std::size_t begin = 0, end = 0;  ///< into letters_
     int width = 0;
   };
-  /// The screen that a message's places refer to, and which of its columns and rows lie under the pixels.
+  /// From a screen's units to pixels, across or down.
+  struct Axis {
+    double begin = 0, pixels_per_unit = 1;
+    int64_t step = 0;  ///< units a pixel, 16.16; each picture is scaled by itself, from its corner
+    std::vector<int>
+        units;  ///< [pixel], instead of steps: a screen made smaller by taking the nearest pixels
+    /// The first pixel that shows this unit or a later one.
+    int first_pixel(int unit) const;
+    /// Of a picture that begins at `unit` and at pixel `first`.
+    int texel(int pixel, int unit, int first) const {
+      return units.empty() ? static_cast<int>((pixel - first) * step >> 16)
+                           : units[static_cast<std::size_t>(pixel)] - unit;
+    }
+  };
+  /// The screen that a message's places refer to.
   struct Canvas {
-    int hud_width = 0, hud_height = 0;  ///< of acs::HudMessage, as is
+    int hud_width = 0, hud_height = 0;  ///< of acs::HudMessage; 0: a unit a pixel
     bool covers_bar = false;
     int width = 0, height = 0;
-    float scale_x = 1, scale_y = 1, left = 0;  ///< pixels a unit, and those left of the screen
-    std::vector<int> columns, rows;            ///< [pixel]
+    Axis across, down;
   };
   struct Box {
     int left = 0, top = 0, right = 0, bottom = 0;  ///< pixels
   };
   const Font& font(std::string_view name);
   const Glyph* graphic(const std::string& name);
-  const std::array<uint8_t, 256>& ramp(int color);
+  using Ramp = std::array<uint8_t, kTextLevels>;  ///< [level] palette index
+  const Ramp& ramp(int color);
   const Canvas& canvas(const acs::HudMessage& message);
   Box clip(const acs::HudMessage& message, const Canvas& canvas) const;
   void spell(const acs::HudMessage& message);
@@ -102,7 +117,7 @@ class HudText {
   double screen_aspect_;
   std::unordered_map<std::string, Font> fonts_;
   std::unordered_map<std::string, Glyph> graphics_;
-  std::array<std::array<uint8_t, 256>, kTextColorCount> ramps_{};  // [color][brightness] palette index
+  std::array<Ramp, kTextColorCount> ramps_{};
   std::array<bool, kTextColorCount> ramp_made_{};
   std::vector<Letter> letters_;
   std::vector<Canvas> canvases_;

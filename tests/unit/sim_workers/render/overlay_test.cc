@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/render/hud_text.h"
 #include "sim_workers/engine/tic/tic.h"
 #include "tests/support/level_builder.h"
 
@@ -140,6 +141,54 @@ std::vector<uint32_t> packed_palette(const ArtArchive& archive) {
   for (const ArtArchive::Color& color : archive.palette(0))
     colors.push_back(color[0] | uint32_t{color[1]} << 8 | uint32_t{color[2]} << 16);
   return colors;
+}
+
+/// What a text colour makes of a red of the small font.
+struct Tinted {
+  int color;
+  int red;
+  ArtArchive::Color seen;
+};
+
+TEST_F(StatusBarTest, LettersTakeTheColoursOfViZDoom) {
+  const std::vector<uint32_t> colors = packed_palette(*archive_);
+  HudText text(archive_, 320, 240, 240, 4.0 / 3.0);
+  const auto draw = [&](int color) {
+    acs::HudMessage message;
+    message.text = "!#$%&()*+-/0123456789<=>?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[]^_";
+    message.color = color;
+    std::vector<uint8_t> picture(3 * 320 * 240);
+    text.draw({&message, 1}, 0, colors.data(), picture.data());
+    return picture;
+  };
+  constexpr int kPlane = 320 * 240;
+  const std::vector<uint8_t> plain = draw(kTextColorPlain);
+  // ViZDoom 1.3.2 at 640x480, Freedoom 2 0.12.1, whose small font has reds from 67 to 239.
+  for (const Tinted& wanted : std::initializer_list<Tinted>{{0, 155, {187, 87, 87}},
+                                                            {0, 203, {231, 143, 143}},
+                                                            {2, 79, {55, 55, 55}},
+                                                            {2, 227, {223, 223, 223}},
+                                                            {3, 139, {55, 115, 43}},
+                                                            {7, 227, {0, 0, 227}},
+                                                            {9, 239, {255, 255, 255}},
+                                                            {10, 67, {39, 39, 39}},
+                                                            {10, 103, {75, 75, 75}},
+                                                            {10, 127, {155, 91, 19}},
+                                                            {10, 203, {255, 127, 27}},
+                                                            {10, 239, {255, 231, 75}},
+                                                            {22, 155, {155, 0, 0}},
+                                                            {25, 239, {239, 0, 0}}}) {
+    const std::vector<uint8_t> tinted = draw(wanted.color);
+    int seen = 0;
+    for (int i = 0; i < kPlane; ++i) {
+      if (plain[static_cast<std::size_t>(i)] != wanted.red) continue;
+      ++seen;
+      for (std::size_t channel = 0; channel < 3; ++channel)
+        ASSERT_EQ(tinted[channel * kPlane + static_cast<std::size_t>(i)], wanted.seen[channel])
+            << "colour " << wanted.color << ", red " << wanted.red;
+    }
+    EXPECT_GT(seen, 0) << wanted.red;
+  }
 }
 
 TEST_F(StatusBarTest, ASmallPictureHasTheBarOfTheSmallestScreenMadeSmaller) {
