@@ -97,7 +97,6 @@ struct DrawList {
   uint32_t opaque_end = 0;  ///< [0, opaque_end): sky, then walls, floors and ceilings
   // From opaque_end on: sprites and gratings from far to near, then the weapon.
   bool has_blended = false;
-  PixelBox blended_box;                             ///< pixels that blended strips may cover
   float center_y = 0;                               ///< row of the horizon
   Angle sky_angle = 0;                              ///< of the view
   std::array<uint32_t, kTintsMax> tints{0xFFFFFF};  ///< 0xRRGGBB by number; 0 is white
@@ -110,7 +109,6 @@ struct DrawList {
     strips.clear(), planes.clear();
     opaque_end = 0;
     has_blended = false;
-    blended_box = {};
     tint_count = 1, blend_count = 0;
   }
 };

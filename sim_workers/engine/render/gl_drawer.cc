@@ -45,9 +45,10 @@ class GlDrawer : public ViewDrawer {
     const PictureColors colors = colors_.select(palette, sight, std::span(list.tints).first(list.tint_count));
     convert(words_, atlas_.texels(), colors, plane_, destination);
     if (!list.has_blended) return;
-    rasterizer_->read_layer(place, list.blended_box, layer_.data());
-    blend_layer(layer_, list.blended_box, atlas_.texels(), colors,
-                std::span(list.blends).first(list.blend_count), projection_.width, plane_, destination);
+    const PixelBox& box = quads_[place].blended_box;
+    rasterizer_->read_layer(place, box, layer_.data());
+    blend_layer(layer_, box, atlas_.texels(), colors, std::span(list.blends).first(list.blend_count),
+                projection_.width, plane_, destination);
   }
 
   void draw_depth(const DrawList& list, float* depth) override {

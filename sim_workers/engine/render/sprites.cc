@@ -174,31 +174,13 @@ void Sprites::collect_gratings() {
   }
 }
 
-/// Blended texels lie in this part of the picture.
-void Sprites::cover_blended(const Strip& strip) {
-  const int rows = frame_.projection.rows;
-  const auto first = static_cast<float>(strip.column_begin), last = static_cast<float>(strip.column_end - 1);
-  const auto clamped = [&](float row) {
-    return std::clamp(row_below(std::clamp(row, -8.0f, rows + 8.0f)), 0, rows);
-  };
-  const PixelBox box{strip.column_begin, clamped(std::min(strip.top.at(first), strip.top.at(last))),
-                     strip.column_end, clamped(std::max(strip.bottom.at(first), strip.bottom.at(last)))};
-  PixelBox& all = frame_.list->blended_box;
-  if (box.right <= box.left || box.bottom <= box.top) return;
-  if (all.right <= all.left || all.bottom <= all.top)
-    all = box;
-  else
-    all = {std::min(all.left, box.left), std::min(all.top, box.top), std::max(all.right, box.right),
-           std::max(all.bottom, box.bottom)};
-}
-
 /// A part of a strip between edges.
 void Sprites::add(const Strip& strip, int begin, int end, const ColumnLine& top, const ColumnLine& bottom) {
   Strip part = strip;
   part.u_begin += part.u_step * (begin - part.column_begin);
   part.column_begin = begin, part.column_end = end;
   part.top = top, part.bottom = bottom;
-  if (part.paint.blended) frame_.list->has_blended = true, cover_blended(part);
+  if (part.paint.blended) frame_.list->has_blended = true;
   frame_.list->strips.push_back(part);
 }
 

@@ -38,7 +38,6 @@ class Sprites {
   void emit_masked();
   void emit_hand();
   void add(const Strip& strip, int begin, int end, const ColumnLine& top, const ColumnLine& bottom);
-  void cover_blended(const Strip& strip);
 
   ViewFrame& frame_;
   const Visibility& visibility_;

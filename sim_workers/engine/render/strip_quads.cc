@@ -230,6 +230,20 @@ class QuadMaker {
   const float rows_;
 };
 
+/// Of the picture's pixels those that a strip may cover, and `all`.
+PixelBox joined_box(const Strip& strip, int rows, const PixelBox& all) {
+  const auto first = static_cast<float>(strip.column_begin), last = static_cast<float>(strip.column_end - 1);
+  const auto clamped = [&](float row) {
+    return std::clamp(row_below(std::clamp(row, -8.0f, rows + 8.0f)), 0, rows);
+  };
+  const PixelBox box{strip.column_begin, clamped(std::min(strip.top.at(first), strip.top.at(last))),
+                     strip.column_end, clamped(std::max(strip.bottom.at(first), strip.bottom.at(last)))};
+  if (box.right <= box.left || box.bottom <= box.top) return all;
+  if (all.right <= all.left || all.bottom <= all.top) return box;
+  return {std::min(all.left, box.left), std::min(all.top, box.top), std::max(all.right, box.right),
+          std::max(all.bottom, box.bottom)};
+}
+
 }  // namespace
 
 void make_quads(const DrawList& list, const Projection& projection, QuadList* quads) {
@@ -242,6 +256,7 @@ void make_quads(const DrawList& list, const Projection& projection, QuadList* qu
   for (const Strip& strip : strips.subspan(list.opaque_end)) {
     if (quads->masked_runs.empty() || quads->masked_runs.back().blended != strip.paint.blended)
       quads->masked_runs.push_back({.end = 0, .blended = strip.paint.blended});
+    if (strip.paint.blended) quads->blended_box = joined_box(strip, projection.rows, quads->blended_box);
     maker.make(strip, 0);
     quads->masked_runs.back().end = quads->quad_count();
   }

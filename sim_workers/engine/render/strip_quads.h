@@ -30,12 +30,13 @@ struct QuadList {
   };
   std::vector<Run> masked_runs;
   bool has_blended = false;
+  PixelBox blended_box;  ///< pixels that blended quads may cover
 
   uint32_t quad_count() const { return static_cast<uint32_t>(vertices.size() / 4); }
   void clear() {
     vertices.clear(), masked_runs.clear();
     opaque_end = 0;
-    has_blended = false;
+    has_blended = false, blended_box = {};
   }
 };
 
