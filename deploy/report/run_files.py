@@ -3,7 +3,7 @@
 Nothing that is read here is trusted: a run may still be written, may have been killed in the middle of a line, or may be no
 run at all. What cannot be used is left out and named in `problems`; nothing raises for a damaged file.
 
-A run's files are described in the README of the repository, the names in metrics.jsonl in learner/METRICS.md.
+A run's files are described in deploy/COMMANDS.md, the names in metrics.jsonl in learner/METRICS.md.
 """
 
 import dataclasses
