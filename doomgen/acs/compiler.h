@@ -45,7 +45,7 @@ struct CompiledScript {
 ///
 /// Errors: kBadFormat, one line for each error found: `file:line:column: what was found; expected what`.
 /// Threads: any; no shared state.
-/// Source: zdoom.org wiki, "ACS" and "ACS object file formats"; doomgen/README.md lists what differs.
+/// Source: zdoom.org wiki, "ACS" and "ACS object file formats"; doomgen/ACS.md lists what differs.
 Expected<CompiledScript> compile(std::string_view source, const std::string& path,
                                  const CompileOptions& options = {});
 

@@ -106,7 +106,7 @@ void press(doom::Buttons& buttons, const scenarios::Button& button, double value
     case ButtonKind::kSelectNextItem:
     case ButtonKind::kSelectPreviousItem:
     case ButtonKind::kDropItem:
-      break;  // there is no inventory bar to move along (sim_workers/README.md, Known differences)
+      break;  // there is no inventory bar to move along (sim_workers/NOTES.md, Known differences)
     case ButtonKind::kLookUpDownDelta:
       buttons.pitch_delta += angle_units(value);
       break;

@@ -222,7 +222,7 @@ TEST(MoversGolden, PolyobjectsPushBodiesAsRecorded) {
                                          world.body(0).y};
       for (std::size_t i = 0; i < is.size(); ++i)
         ASSERT_NEAR(is[i], wanted[i], kPolyobjectSlack) << "tic " << tic;
-      if (wanted[4] < 100) {  // ours hurts from the first touch on (sim_workers/README.md, known differences)
+      if (wanted[4] < 100) {  // ours hurts from the first touch on (sim_workers/NOTES.md, known differences)
         ASSERT_LT(world.player(0).health, 100) << "tic " << tic;
       }
     }
