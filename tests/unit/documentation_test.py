@@ -3,11 +3,11 @@
 
     documentation_test.py [ROOT]
 
-* Every relative link leads to a file or folder that exists, and its #heading to a heading there.
+* Every relative link leads to a file or folder that exists, and its #heading to a heading there; so does every picture of an <img>.
 * Every `name` in the first column of a table whose head begins with "file" or "folder" exists: beside the Markdown file, in
   a folder that the head names in backticks, or in the folder of the first name of the same cell. `.cc` after `x.h` is `x.cc`;
   `*` is a wildcard; names with < or a space are left alone.
-* README.md and <folder>/README.md have at most WORDS_MAX words.
+* README.md has at most ROOT_WORDS_MAX words, <folder>/README.md at most FOLDER_WORDS_MAX, or its number in EXCEPTIONS.
 
 First the same checks run over a folder made for it that breaks each rule once, and must find every fault.
 """
@@ -17,7 +17,10 @@ import re
 import sys
 import tempfile
 
-WORDS_MAX = 1200
+ROOT_WORDS_MAX = 450
+FOLDER_WORDS_MAX = 500
+# Pages that are not there yet, with the words that they have. Lower a number with its page; remove it at FOLDER_WORDS_MAX.
+EXCEPTIONS = {"deploy/README.md": 1183, "learner/README.md": 1199, "rollout_buffer/README.md": 1199}
 NOT_OURS = {".git", "build", "train_dir"}
 MADE_BY_TOOLS = {"CMakeCache.txt", "pyvenv.cfg"}  # a build folder, a Python environment: whatever they are called
 
@@ -57,7 +60,8 @@ def anchors(path):
 def broken_links(root, name):
     here = os.path.dirname(os.path.join(root, name))
     for number, line in lines_of(os.path.join(root, name)):
-        for link in re.findall(r"\[[^\]]*\]\(([^)\s]+)\)", re.sub(r"`[^`]*`", "", line)):
+        text = re.sub(r"`[^`]*`", "", line)
+        for link in re.findall(r"\[[^\]]*\]\(([^)\s]+)\)", text) + re.findall(r"<img [^>]*src=\"([^\"]+)\"", text):
             if re.match(r"[a-z]+:", link):
                 continue
             path, _, anchor = link.partition("#")
@@ -104,7 +108,7 @@ def long_readmes(root):
             continue
         with open(os.path.join(root, name), encoding="utf-8") as file:
             words = len(file.read().split())
-        most = WORDS_MAX
+        most = ROOT_WORDS_MAX if name == "README.md" else EXCEPTIONS.get(name, FOLDER_WORDS_MAX)
         if words > most:
             yield f"{name}: {words} words, at most {most}: move what is longer to a file beside it"
 
@@ -120,6 +124,7 @@ def findings(root):
 SAMPLE = """# A sample
 
 [good](there.md#a-heading), [bad](nowhere.md), [worse](there.md#no-heading), `[code](nowhere.md)`, [web](https://example.org)
+<img src="no_picture.png" width="9"><br>[good](there.md)
 
 | file | what it does |
 | --- | --- |
@@ -139,13 +144,13 @@ def check_itself():
         os.makedirs(os.path.join(root, "part"))
         os.makedirs(os.path.join(root, "made"))
         texts = {"there.md": "# A heading\n", "made/CMakeCache.txt": "", "made/foreign.md": "[bad](nowhere.md)", "part/one.h": "", "part/one.cc": "", "part/two.h": "",
-                 "README.md": SAMPLE, "part/README.md": "word " * (WORDS_MAX + 1)}
+                 "README.md": SAMPLE, "part/README.md": "word " * (FOLDER_WORDS_MAX + 1)}
         for name, text in texts.items():
             with open(os.path.join(root, name), "w", encoding="utf-8") as file:
                 file.write(text)
         found = "\n".join(findings(root))
-        wanted = ["README.md:3: the link nowhere.md", "README.md:3: there.md#no-heading", "README.md:9: there is no gone.h",
-                  "README.md:10: there is no part/three.*", f"part/README.md: {WORDS_MAX + 1} words"]
+        wanted = ["README.md:3: the link nowhere.md", "README.md:3: there.md#no-heading", "README.md:4: the link no_picture.png",
+                  "README.md:10: there is no gone.h", "README.md:11: there is no part/three.*", f"part/README.md: {FOLDER_WORDS_MAX + 1} words"]
         missed = [text for text in wanted if text not in found]
         if missed or found.count("\n") + 1 != len(wanted):
             sys.exit(f"the check itself is broken: it missed {missed}; it found\n{found}")
