@@ -306,7 +306,7 @@ CheckResult check_rendering() {
   return rate ? ok("rendering",
                    std::string("by ") + word_of(RunConfig().environment.renderer) + ", " + per_second(*rate))
               : fail("rendering", rate.error().message,
-                     "apt-get install libosmesa6-dev freedoom, then ./comrad doctor");
+                     "apt-get install freedoom, then ./comrad doctor");
 }
 
 CheckResult check_inference() {

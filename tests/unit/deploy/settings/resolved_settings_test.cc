@@ -157,7 +157,7 @@ constexpr Row kPaper[] = {
     {"num_agents", "2"},
     {"env_frameskip", "4"},
     {"render_size", "128x72"},
-    {"renderer", "osmesa"},
+    {"renderer", "painter"},
     {"resize", "none"},
     {"use_additional_input", "false"},
     {"shared_reward_scalarisation", "sum"},
