@@ -13,6 +13,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/resolve.h"
+#include "rollout_buffer/shm/is_stopping.h"
 
 namespace comrad::policy {
 namespace {
@@ -100,7 +101,7 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
   COMRAD_TRY(refresh());
   StageClock stage;
   stage.begin();
-  while (!is_stopping(stop)) {
+  while (!shm::is_stopping(stop, *arena_)) {
     if (needs_weights() && !weights_.version()) {
       const uint32_t heard = shm::listen(arena_->control().weights_published);
       if (!arena_->has_weights()) shm::wait(arena_->control().weights_published, heard, kGatherTimeoutUs);
@@ -134,11 +135,6 @@ Expected<PolicyOutput> PolicyWorker::answer(const Batch& batch) {
   if (seats_) return seats_->step(batch);
   if (staged_) return staged_->step(batch);
   return policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state, batch.global_state);
-}
-
-bool PolicyWorker::is_stopping(const std::atomic<bool>& stop) const {
-  return stop.load(std::memory_order_relaxed) ||
-         arena_->control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
 }
 
 Status PolicyWorker::refresh() {

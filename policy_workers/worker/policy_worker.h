@@ -51,7 +51,6 @@ class PolicyWorker {
   PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus, ActorCritic policy,
                std::optional<SeatNetworks> seats, Batcher batcher);
   bool needs_weights() const { return seats_ ? seats_->needs_weights() : !options_.is_random; }
-  bool is_stopping(const std::atomic<bool>& stop) const;
   Status refresh();
   Expected<PolicyOutput> answer(const Batch& batch);
   void count_batch(const Batch& batch, int64_t busy_ns);

@@ -8,6 +8,7 @@
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/is_stopping.h"
 
 namespace comrad::link {
 namespace {
@@ -43,7 +44,7 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     spdlog::warn("{} trajectories of this worker's predecessor are sent again", in_hand_.size());
   counters.state = shm::WorkerState::kRunning;
   heard_s_ = progress_s_ = clock_.now_s();
-  while (!is_stopping(stop) && !has_run_ended_) {
+  while (!shm::is_stopping(stop, arena_) && !has_run_ended_) {
     COMRAD_TRY(hear());
     drain();
     send();
@@ -75,11 +76,6 @@ Status Feeder::run(const std::atomic<bool>& stop) {
   if (every_second_) every_second_();
   counters.state = shm::WorkerState::kStopped;
   return {};
-}
-
-bool Feeder::is_stopping(const std::atomic<bool>& stop) const {
-  return stop.load(std::memory_order_relaxed) ||
-         arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
 }
 
 Status Feeder::hear() {

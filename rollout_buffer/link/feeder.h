@@ -68,7 +68,6 @@ class Feeder {
   void resend_if_stuck();
   void send_episodes();
   void report(bool is_leaving);
-  bool is_stopping(const std::atomic<bool>& stop) const;
 
   const shm::Arena& arena_;
   const Clock& clock_;

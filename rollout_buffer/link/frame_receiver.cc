@@ -12,6 +12,7 @@
 #include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/is_stopping.h"
 
 namespace comrad::link {
 namespace {
@@ -73,12 +74,8 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
     arena_.sim_counters(worker).begin_life();
     arena_.sim_counters(worker).state = shm::WorkerState::kRunning;
   }
-  const auto is_stopping = [&] {
-    return stop.load(std::memory_order_relaxed) ||
-           arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
-  };
   double looked_s = 0;
-  while (!is_stopping()) {
+  while (!shm::is_stopping(stop, arena_)) {
     const uint32_t heard =
         waiting_for_ < 0 ? 0
                          : shm::listen(arena_.slots_acted(waiting_for_ / arena_.shape().splits_per_worker,

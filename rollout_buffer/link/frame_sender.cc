@@ -10,6 +10,7 @@
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/is_stopping.h"
 
 namespace comrad::link {
 namespace {
@@ -52,7 +53,7 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
   counters.state = arena_.learner_counters().state = shm::WorkerState::kRunning;
   heard_s_ = clock_.now_s();
   take_actions();  // the reader is there before anybody is asked
-  while (!is_stopping(stop) && !has_run_ended_) {
+  while (!shm::is_stopping(stop, arena_) && !has_run_ended_) {
     const uint32_t heard = shm::listen(arena_.slots_ready(0));
     bool has_moved = take_actions();
     drain();
@@ -93,11 +94,6 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
   if (every_second_) every_second_();
   counters.state = arena_.learner_counters().state = shm::WorkerState::kStopped;
   return {};
-}
-
-bool FrameSender::is_stopping(const std::atomic<bool>& stop) const {
-  return stop.load(std::memory_order_relaxed) ||
-         arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
 }
 
 dds::FrameBatch FrameSender::batch_head() const {

@@ -89,7 +89,6 @@ class FrameSender {
   void take_sealed(const FrameAnswer& answer);
   void finish_done();
   void resend_due();
-  bool is_stopping(const std::atomic<bool>& stop) const;
   void send_episodes();
   Status say_hello(bool is_leaving);
   dds::FrameBatch batch_head() const;

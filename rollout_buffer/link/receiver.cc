@@ -9,6 +9,7 @@
 #include "rollout_buffer/link/narrow_weights.h"
 #include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/is_stopping.h"
 
 namespace comrad::link {
 Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options, const Clock& clock)
@@ -27,11 +28,7 @@ Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions op
 }
 
 Status Receiver::run(const std::atomic<bool>& stop) {
-  const auto is_stopping = [&] {
-    return stop.load(std::memory_order_relaxed) ||
-           arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
-  };
-  while (!is_stopping()) {
+  while (!shm::is_stopping(stop, arena_)) {
     turn();
     if (every_second_ && clock_.now_s() - reported_s_ >= 1) reported_s_ = clock_.now_s(), every_second_();
     bus_.wait(kWaitMs);

@@ -6,6 +6,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/shm/is_stopping.h"
 
 namespace comrad::sim {
 namespace {
@@ -74,7 +75,7 @@ Status SimWorker::run(const std::atomic<bool>& stop) {
     counters.state.store(shm::WorkerState::kRunning);
 
     const uint64_t agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-    while (!is_stopping(stop)) {
+    while (!shm::is_stopping(stop, arena_)) {
       const int64_t began_ns = monotonic_ns(), waited_ns = waited_ns_;
       const uint32_t heard = shm::listen(arena_.control().slab_released);
       bool is_idle = true;
@@ -102,11 +103,6 @@ Status SimWorker::run(const std::atomic<bool>& stop) {
   return {};
 }
 
-bool SimWorker::is_stopping(const std::atomic<bool>& stop) const {
-  return stop.load(std::memory_order_relaxed) ||
-         arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
-}
-
 bool SimWorker::wait_counted(shm::Doorbell& doorbell, uint32_t heard) {
   const int64_t began_ns = monotonic_ns();
   const bool rang = shm::wait(doorbell, heard, kWaitUs);
@@ -116,7 +112,7 @@ bool SimWorker::wait_counted(shm::Doorbell& doorbell, uint32_t heard) {
 
 bool SimWorker::await_start(const std::atomic<bool>& stop) {
   shm::ControlBlock& control = arena_.control();
-  while (!is_stopping(stop)) {
+  while (!shm::is_stopping(stop, arena_)) {
     const uint32_t heard_state = shm::listen(control.run_state_changed),
                    heard_gate = shm::listen(control.slab_released);
     if (control.run_state.load(std::memory_order_acquire) != shm::RunState::kRunning) {
@@ -135,7 +131,7 @@ bool SimWorker::await_answers(int split, const std::atomic<bool>& stop) {
   const shm::ArenaShape& shape = arena_.shape();
   shm::ControlBlock& control = arena_.control();
   shm::Doorbell& acted = arena_.slots_acted(options_.worker_index, split);
-  while (!is_stopping(stop)) {
+  while (!shm::is_stopping(stop, arena_)) {
     const uint32_t heard_state = shm::listen(control.run_state_changed);
     if (control.run_state.load(std::memory_order_acquire) == shm::RunState::kPaused) {
       wait_counted(control.run_state_changed, heard_state);

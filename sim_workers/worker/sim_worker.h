@@ -36,7 +36,6 @@ class SimWorker {
  private:
   SimWorker(EnvironmentSet& environments, const shm::Arena& arena, const SimWorkerOptions& options);
 
-  bool is_stopping(const std::atomic<bool>& stop) const;
   bool await_start(const std::atomic<bool>& stop);
   bool await_answers(int split, const std::atomic<bool>& stop);
   int play_round(int split);
