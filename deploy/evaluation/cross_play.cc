@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "deploy/commands/statistics.h"
+#include "deploy/evaluation/statistics.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/score_text.h"
 

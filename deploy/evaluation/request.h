@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "deploy/commands/film_request.h"
+#include "deploy/evaluation/film_request.h"
 
 namespace comrad::deploy {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "deploy/commands/statistics.h"
+#include "deploy/evaluation/statistics.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {

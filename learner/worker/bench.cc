@@ -10,8 +10,8 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
+#include "learner/sources/replay_feed.h"
 #include "learner/worker/learner.h"
-#include "learner/worker/replay_feed.h"
 #include "learner/worker/weights_publisher.h"
 #include "policy_workers/device/choose_device.h"
 #include "policy_workers/device/host_wait_counter.h"

@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "learner/checkpoint/checkpoint.h"
-#include "learner/worker/metrics.h"
-#include "learner/worker/run_totals.h"
+#include "learner/reports/metrics.h"
+#include "learner/reports/run_totals.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/version.h"
 #include "rollout_buffer/settings/run_config.h"

@@ -10,13 +10,13 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/q_learning.h"
-#include "learner/worker/stop_signal.h"
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/seat_plan.h"
 #include "rollout_buffer/settings/trained_game.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/is_stopping.h"
 
 namespace comrad::learn {
 namespace {
@@ -65,9 +65,9 @@ Status serve_seats(const std::string& run_dir, const shm::Arena& arena, const st
   control.rollouts_allowed = std::numeric_limits<uint64_t>::max();
   shm::ring(control.slab_released);
   arena.learner_counters().state = shm::WorkerState::kRunning;
-  for (StopSignal signal(stop, arena); !signal.requested();) {
+  while (!shm::is_stopping(stop, arena)) {
     const uint32_t heard = shm::listen(control.run_state_changed);
-    if (!signal.requested()) shm::wait(control.run_state_changed, heard, kLookUs);
+    if (!shm::is_stopping(stop, arena)) shm::wait(control.run_state_changed, heard, kLookUs);
   }
   arena.learner_counters().state = shm::WorkerState::kStopped;
   return {};

@@ -1,6 +1,6 @@
 // Reads every #include of the sources and keeps the picture of the layers true: includes point left along
-// rollout_buffer < doomgen < scenarios < sim_workers and rollout_buffer < policy_workers < learner, and upwards
-// inside rollout_buffer, sim_workers and learner; deploy includes rollout_buffer alone, and a third-party library has one home and a package that ./comrad installs.
+// rollout_buffer < doomgen < scenarios < sim_workers and rollout_buffer < policy_workers < learner, and down the layers
+// inside each folder; deploy includes rollout_buffer alone, and a third-party library has one home and a package that ./comrad installs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -43,12 +43,15 @@ const std::map<std::string, std::set<std::string>>& allowed_folders() {
 const std::map<std::string, std::vector<std::string>>& layers_inside() {
   static const std::map<std::string, std::vector<std::string>> layers = {
       {"rollout_buffer", {"core", "settings", "schema", "shm"}},
+      {"doomgen", {"wad", "layout", "acs"}},
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
         "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace", "python"}},
+      {"policy_workers", {"device", "kernels", "network", "batching", "weights", "worker"}},
       {"learner",
-       {"batch", "estimators", "critics", "checkpoint", "ranks", "losses", "schedules", "step", "report",
-        "algorithms", "curriculum", "worker"}},
+       {"batch", "estimators", "critics", "checkpoint", "ranks", "losses", "schedules", "step", "algorithms",
+        "curriculum", "sources", "reports", "worker"}},
+      {"deploy", {"process", "settings", "launch", "hosts", "evaluation", "sweep", "run", "bench", "tools"}},
   };
   return layers;
 }
@@ -81,7 +84,7 @@ const std::vector<Library>& libraries() {
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
       {"CUDA", kOfGpuHosts + "cuda-toolkit[crt,cccl]", {"cuda_runtime_api.h"}, {"policy_workers/device/"}},
       {"oneDNN", "libdnnl-dev", {"oneapi/dnnl/"}, {"policy_workers/kernels/"}},
-      {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
+      {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/evaluation/"}},
       {"toml++",
        "libtomlplusplus-dev",
        {"toml++/"},
@@ -301,10 +304,16 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("sim_workers/engine/fixed.cc", "sim_workers/engine/actors/actor_type.h"));
   EXPECT_TRUE(is_fault("scenarios/lava_pit/oracle.cc", "sim_workers/worker/sim_worker.h"));
   EXPECT_TRUE(is_fault("learner/estimators/gae.cc", "learner/algorithms/ippo.h"));
+  EXPECT_TRUE(is_fault("learner/sources/replay_feed.cc", "learner/worker/learner.h"));
+  EXPECT_TRUE(is_fault("doomgen/wad/udmf_reader.cc", "doomgen/layout/map_data.h"));
+  EXPECT_TRUE(is_fault("policy_workers/network/core.cc", "policy_workers/batching/batcher.h"));
+  EXPECT_TRUE(is_fault("deploy/evaluation/summary.cc", "deploy/run/command.h"));
+  EXPECT_TRUE(is_fault("deploy/launch/supervisor.cc", "deploy/sweep/sweep_file.h"));
   EXPECT_FALSE(is_fault("sim_workers/engine/acs/map_calls.cc", "sim_workers/engine/specials/movers.h"));
   EXPECT_FALSE(is_fault("sim_workers/engine/actors/actor_type.h", "sim_workers/engine/fixed.h"));
   EXPECT_FALSE(is_fault("scenarios/lava_pit/oracle.cc", "sim_workers/oracle/steering.h"));
   EXPECT_FALSE(is_fault("learner/worker/main.cc", "learner/curriculum/curriculum.h"));
+  EXPECT_FALSE(is_fault("deploy/run/eval.cc", "deploy/evaluation/play.h"));
   EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "torch/torch.h", false));
   EXPECT_TRUE(is_fault("learner/worker/main.cc", "dds/dds.h", false));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "GL/osmesa.h", false));

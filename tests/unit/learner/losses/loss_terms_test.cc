@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <torch/csrc/autograd/autograd.h>
 
-#include "learner/report/terms_report.h"
+#include "learner/step/terms_report.h"
 #include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {

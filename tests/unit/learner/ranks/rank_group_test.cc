@@ -18,7 +18,7 @@
 #include "learner/algorithms/happo.h"
 #include "learner/algorithms/mappo.h"
 #include "learner/algorithms/value_decomposition.h"
-#include "learner/worker/layout_service.h"
+#include "learner/sources/layout_service.h"
 #include "policy_workers/device/torch_ops.h"
 #include "tests/support/in_ranks.h"
 #include "tests/support/noise_batch.h"

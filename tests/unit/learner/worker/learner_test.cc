@@ -22,7 +22,7 @@
 #include <variant>
 #include <vector>
 
-#include "learner/worker/batch_queue.h"
+#include "learner/sources/batch_queue.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/process.h"

@@ -1,0 +1,21 @@
+// `comrad doctor --hosts`: measures the way between hosts of a run, and says what to change. Stage: before a run.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "deploy/tools/machine_check.h"
+#include "rollout_buffer/link/way_check.h"
+#include "rollout_buffer/settings/run_config.h"
+
+namespace comrad::deploy {
+
+/// What was measured of the way from a host to the learner's host, as lines of `comrad doctor`: latency, both directions,
+/// clocks.
+std::vector<CheckResult> judge_way(const link::WayReport& way);
+
+/// `where` is the address of a run that serves, its folder, or - for an address on the standard input: the way from here to
+/// that run is measured. Else names of hosts: a door is opened here, and they are asked through ssh to measure the way to it.
+std::vector<CheckResult> check_hosts(const std::string& where, const RunConfig& config);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,100 @@
+// What the learner tells the world: its state and warnings on the bus, its report in the arena once a second, and
+// metrics.jsonl with TensorBoard scalars. Stage: beside update.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "learner/algorithms/algorithm.h"
+#include "learner/reports/learning_check.h"
+#include "learner/reports/metrics.h"
+#include "learner/reports/run_totals.h"
+#include "learner/sources/batch_source.h"
+#include "learner/sources/layout_service.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/settings/run_config.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::learn {
+
+/// Threads: the learner's.
+class Reporter {
+ public:
+  /// `bus` may be null; what the references name outlives the reporter.
+  Reporter(const RunConfig& config, const RunTotals& totals, const shm::Arena& arena, dds::Bus* bus)
+      : config_(config),
+        totals_(totals),
+        arena_(arena),
+        bus_(bus),
+        episodes_(config.run.stats_avg),
+        check_(config) {}
+
+  /// What reports are about, once it is there: the algorithm, its batches, its layouts (null: one map). Opens the
+  /// files of `run_dir`. Without this, as for a learner that only serves, nothing but the state is told.
+  /// Errors: those of MetricsWriter::open.
+  Status open(const std::string& run_dir, const Algorithm& algorithm, const BatchSource& source,
+              LayoutService* layouts);
+
+  /// "starting", "running", "paused", "stopping" or "failed", now and in every report.
+  void set_state(const char* state);
+  const std::string& state() const { return state_; }
+  /// Warns of what the settings alone show.
+  void judge_settings() { warn(check_.judge_settings()); }
+  /// New weights lie in the arena.
+  void weights_published(const dds::WeightsUpdate& update);
+
+  /// The totals have grown.
+  void counted() { rates_.add(monotonic_s(), totals_.env_frames, totals_.decisions); }
+  void heard_lag(const LagStats& lag) { lag_ = lag; }
+  void updated(const UpdateStats& stats);
+  void saved(const std::string& checkpoint) { last_checkpoint_ = checkpoint; }
+
+  /// Takes the episodes that the supervisor passed on.
+  void hear_episodes();
+  EpisodeWindow& episodes() { return episodes_; }
+  const EpisodeWindow& episodes() const { return episodes_; }
+
+  /// Reports where it is time: state and arena every second, metrics at experiment_summaries_interval.
+  void report_if_due();
+  /// The last report of a run.
+  void report_now();
+  /// What the supervisor hears once a second, now.
+  void publish_stats();
+
+ private:
+  void write_metrics();
+  void append_replay(MetricValues& values, const ReplayFeed& feed) const;
+  void append_rates(MetricValues& values, double now_s);
+  void append_inference(MetricValues& values);
+  void warn(const std::vector<std::string>& findings);
+
+  const RunConfig& config_;
+  const RunTotals& totals_;
+  const shm::Arena& arena_;
+  dds::Bus* bus_;
+  const Algorithm* algorithm_ = nullptr;
+  const BatchSource* source_ = nullptr;
+  LayoutService* layouts_ = nullptr;
+  std::optional<MetricsWriter> metrics_;
+  RateWindow rates_;
+  EpisodeWindow episodes_;
+  LearningCheck check_;
+  UpdateStats update_;
+  LagStats lag_;  // of the newest data
+  uint64_t skipped_steps_ = 0;
+  std::string state_ = "starting";
+  std::string last_warning_;  // goes into the worker status
+  std::string last_checkpoint_;
+  double last_stats_s_ = 0, last_metrics_s_ = 0;
+  double last_played_s_ = 0;
+  uint64_t last_played_decisions_ = 0;
+  /// Of all policy workers together, since they began.
+  struct InferenceTotals {
+    uint64_t rows = 0, batches = 0, wait_ns = 0, busy_ns = 0;
+  } last_inference_;
+};
+
+}  // namespace comrad::learn
