@@ -1,14 +1,15 @@
 #include "deploy/settings/merged_settings.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 #include <filesystem>
+#include <utility>
 
+#include "deploy/settings/layers.h"
 #include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/layers.h"
-#include "rollout_buffer/settings/other_names.h"
 #include "rollout_buffer/settings/recipes.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/settings/reward_weights.h"
@@ -17,12 +18,6 @@
 
 namespace comrad::deploy {
 namespace {
-
-/// The name of a setting that `key` means, which may be an old one; `key` itself where it is unknown.
-std::string canonical_setting(const std::string& key) {
-  const SettingRow* row = find_setting(key);
-  return row == nullptr ? key : std::string(row->name);
-}
 
 std::string absolute(const std::string& path) {
   std::error_code ignored;
@@ -51,47 +46,10 @@ bool are_equal_files(const std::string& one, const std::string& other) {
   return here && there && *here == *there;
 }
 
-using Texts = std::map<std::string, std::string>;
-Texts all_texts(const RunConfig& config) {
-  Texts texts;
-  for (const SettingRow& row : setting_rows()) texts[std::string(row.name)] = row.text(config);
-  return texts;
-}
-
-/// A RunConfig that remembers which layer each of its values came from.
-class Layers {
- public:
-  Layers(RunConfig lowest, const std::string& name) : config_(std::move(lowest)) {
-    for (const auto& [setting, text] : all_texts(config_)) from_[setting] = name;
-  }
-  /// The settings that `layer` names are its own even where their value stays.
-  Status put(const SettingsLayer& layer, const std::string& name) {
-    COMRAD_TRY(change(name, [&layer](RunConfig& config) { return apply_layer(config, layer); }));
-    for (const auto& [key, text] : layer.values) {
-      const OtherName* other = find_other_name(key);
-      if (other == nullptr || other->assign == nullptr)
-        from_[canonical_setting(key)] = name;
-      else
-        for (const std::string_view setting : other->sets) from_[std::string(setting)] = name;
-    }
-    return {};
-  }
-  /// What `edit` changes came from the layer `name`.
-  template <typename Edit>
-  Status change(const std::string& name, Edit&& edit) {
-    const Texts before = all_texts(config_);
-    COMRAD_TRY(edit(config_));
-    for (const auto& [setting, text] : all_texts(config_))
-      if (text != before.at(setting)) from_[setting] = name;
-    return {};
-  }
-  const RunConfig& config() const { return config_; }
-  std::map<std::string, std::string>& from() { return from_; }
-
- private:
-  RunConfig config_;
-  std::map<std::string, std::string> from_;
-};
+/// What chooses the lower layers and what a scenario is asked for: read off the upper layers first.
+constexpr std::array<std::string_view, 9> kChoices = {
+    "scenario", "variant", "num_agents",   "heads", "use_additional_input",
+    "algo",     "mixer",   "qplex_preset", "preset"};
 
 /// How much of the team's reward each agent gets where nobody asked for a share.
 double default_alpha(const RunConfig& config, const ScenarioDescription& scenario) {
@@ -130,20 +88,20 @@ Status check_rewards(const RunConfig& config, const ScenarioDescription& scenari
 }
 
 /// Fills in what is still open: from the scenario, then from the host.
-Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, int core_count) {
-  COMRAD_TRY(check_rewards(layers.config(), scenario));
+Expected<MergedSettings> complete(LayeredConfig layers, ScenarioDescription scenario, int core_count) {
+  COMRAD_TRY(check_rewards(layers.config, scenario));
   if (!scenario.folder.empty())
-    COMRAD_TRY(layers.change(layers.from().at("scenario"), [&scenario](RunConfig& config) -> Status {
+    COMRAD_TRY(layers.change(layers.from.at("scenario"), [&scenario](RunConfig& config) -> Status {
       config.run.scenario = scenario.folder;
       return {};
     }));
-  const RunConfig asked = layers.config();
+  const RunConfig asked = layers.config;
   if (const int64_t version = asked.environment.scenario_version; version != 0 && version != scenario.version)
     return Error{ErrorCode::kBadInput,
                  "--scenario_version=" + std::to_string(version) + ": " + asked.run.scenario +
                      " is at version " + std::to_string(scenario.version) +
                      " here, other rules than that run's; train anew under another --experiment"};
-  const bool is_scenarios = layers.config().run.algo->reward_share == RewardShare::kOfTheScenario;
+  const bool is_scenarios = layers.config.run.algo->reward_share == RewardShare::kOfTheScenario;
   COMRAD_TRY(layers.change(is_scenarios ? "scenario" : "algorithm", [&scenario](RunConfig& config) -> Status {
     if (config.environment.shared_reward_alpha < 0)
       config.environment.shared_reward_alpha = default_alpha(config, scenario);
@@ -157,8 +115,8 @@ Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, i
     config.environment.scenario_version = scenario.version;
     return resolve_settings(config, core_count);
   }));
-  if (!sees_global_state(layers.config())) scenario.env.global_state_count = 0;
-  MergedSettings merged{layers.config(), std::move(scenario), std::move(layers.from()), {}};
+  if (!sees_global_state(layers.config)) scenario.env.global_state_count = 0;
+  MergedSettings merged{layers.config, std::move(scenario), std::move(layers.from), {}};
   for (const SettingRow& row : setting_rows())
     if (row.text(merged.config) != row.text(asked))
       merged.asked_for.emplace_back(std::string(row.name), row.text(asked));
@@ -179,30 +137,32 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
   COMRAD_TRY_ASSIGN(SettingsLayer file, file_layer(user));
   file = with_whole_paths(std::move(file));
   const SettingsLayer typed = with_whole_paths(user.typed);
-  // The upper layers choose the lower ones: the scenario and the algorithm are read off them first.
   RunConfig chosen;
-  for (const SettingsLayer* layer : std::initializer_list<const SettingsLayer*>{&changes, &file, &typed})
-    COMRAD_TRY(apply_layer(chosen, *layer));
-  const SettingsLayer algorithm = algorithm_defaults(chosen.run.algo);
+  for (const SettingsLayer* layer : {&changes, &std::as_const(file), &typed})
+    COMRAD_TRY(apply_layer(chosen, only(*layer, kChoices)));
   COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe(chosen));
 
-  const SettingsLayer preset = preset_settings(chosen.run.preset, chosen.run.algo);
-  Layers layers(RunConfig(), "built-in");
-  COMRAD_TRY(layers.put(algorithm, "algorithm"));
-  COMRAD_TRY(layers.put(preset, "preset"));
-  COMRAD_TRY(layers.put(qplex_preset_settings(chosen.mixers.qplex_preset), "preset"));
-  COMRAD_TRY(
-      layers.put(scenario_settings(scenario.training, chosen.run.preset, chosen.run.algo), "scenario"));
-  COMRAD_TRY(layers.put(changes, changes.origin));
-  COMRAD_TRY(layers.put(file, "file"));
-  COMRAD_TRY(layers.put(typed, "command line"));
-  // TD(lambda) runs over sequences. Where somebody turns the recurrent core off the preset's row falls away; one
-  // that was asked for is refused by resolve_settings.
-  if (!layers.config().network.use_rnn && layers.from().at("td_lambda") == "preset")
-    COMRAD_TRY(layers.put({"", {{"td_lambda", setting_text(RunConfig(), "td_lambda")}}}, "automatic"));
-  if (layers.config().environment.use_additional_input !=
+  const RunSettings& run = chosen.run;
+  const NamedLayer all[] = {{"algorithm", algorithm_defaults(run.algo)},
+                            {"preset", preset_settings(run.preset, run.algo)},
+                            {"preset", qplex_preset_settings(chosen.mixers.qplex_preset)},
+                            {"scenario", scenario_settings(scenario.training, run.preset, run.algo)},
+                            {changes.origin, changes},
+                            {"file", file},
+                            {"command line", typed}};
+  RunConfig lowest;
+  lowest.run.algo = run.algo;
+  COMRAD_TRY_ASSIGN(LayeredConfig layers, merge(lowest, "built-in", all));
+  // Recipes count in sequences for mixers, which have a recurrent core, and in decisions for idqn, which has none. Their
+  // rows fall away where the user chose the other core.
+  if (layers.config.network.use_rnn != run.algo->mixes_q_values())
+    for (const char* setting : {"td_lambda", "replay_batch_size"})
+      if (const std::string& from = layers.from.at(setting);
+          from == "algorithm" || from == "preset" || from == "scenario")
+        COMRAD_TRY(layers.put({"automatic", {"", {{setting, setting_text(RunConfig(), setting)}}}}));
+  if (layers.config.environment.use_additional_input !=
       chosen.environment.use_additional_input) {  // the scenario's own row decides
-    chosen.environment.use_additional_input = layers.config().environment.use_additional_input;
+    chosen.environment.use_additional_input = layers.config.environment.use_additional_input;
     COMRAD_TRY_ASSIGN(scenario, describe(chosen));
   }
   return complete(std::move(layers), std::move(scenario), core_count);
@@ -211,20 +171,18 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
 Expected<MergedSettings> merge_onto_run(const RunConfig& made, const UserSettings& user,
                                         const Describe& describe, int core_count) {
   COMRAD_TRY_ASSIGN(SettingsLayer file, file_layer_onto_run(user));
-  file = with_whole_paths(std::move(file));
-  const SettingsLayer typed = with_whole_paths(user.typed);
   RunConfig run = made;
   run.run.scenario = whole_path(made.run.scenario);
-  Layers layers(run, "run");
-  COMRAD_TRY(layers.put(file, "file"));
-  COMRAD_TRY(layers.put(typed, "command line"));
-  COMRAD_TRY(layers.change("run", [&run](RunConfig& config) -> Status {
-    if (config.environment.num_agents == 0) config.environment.num_agents = run.environment.num_agents;
+  const NamedLayer all[] = {{"file", with_whole_paths(std::move(file))},
+                            {"command line", with_whole_paths(user.typed)}};
+  COMRAD_TRY_ASSIGN(LayeredConfig layers, merge(run, "run", all));
+  const RunConfig& config = layers.config;
+  COMRAD_TRY(layers.change("run", [&run](RunConfig& merged) -> Status {
+    if (merged.environment.num_agents == 0) merged.environment.num_agents = run.environment.num_agents;
     return {};
   }));
-  if (are_equal_files(layers.config().network.encoder, run.network.encoder))
-    COMRAD_TRY(layers.put({"run", {{"encoder", run.network.encoder}}}, "run"));
-  const RunConfig& config = layers.config();
+  if (are_equal_files(config.network.encoder, run.network.encoder))
+    COMRAD_TRY(layers.put({"run", {"run", {{"encoder", run.network.encoder}}}}));
   for (const SettingRow& row : setting_rows())
     if (row.traits.fixed_in_a_run && row.text(config) != row.text(run))
       return Error{
@@ -238,10 +196,20 @@ Expected<MergedSettings> merge_onto_run(const RunConfig& made, const UserSetting
   if (is_sized_anew)
     for (const SettingRow& row : setting_rows())
       if (row.traits.is_automatic_size && !changed(row))
-        COMRAD_TRY(layers.put({"automatic size", {{std::string(row.name), "0"}}}, "automatic"));
+        COMRAD_TRY(layers.put({"automatic", {"automatic size", {{std::string(row.name), "0"}}}}));
 
   COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe(config));
   return complete(std::move(layers), std::move(scenario), core_count);
+}
+
+Expected<RunPlace> place_of_run(const SettingsLayer& file, const SettingsLayer& typed) {
+  constexpr std::array<std::string_view, 3> kPlace = {"train_dir", "experiment", "restart_behavior"};
+  RunConfig asked;
+  for (const SettingsLayer* layer : {&file, &typed}) COMRAD_TRY(apply_layer(asked, only(*layer, kPlace)));
+  return RunPlace{.train_dir = absolute(asked.run.train_dir),
+                  .is_default_train_dir = asked.run.train_dir == RunConfig().run.train_dir,
+                  .experiment = asked.run.experiment,
+                  .restart_behavior = asked.run.restart_behavior};
 }
 
 }  // namespace comrad::deploy

@@ -42,9 +42,21 @@ struct UserSettings {
   SettingsLayer typed{"command line", {}};
 };
 
+/// Where a run lies, and what becomes of one that is there.
+struct RunPlace {
+  std::string train_dir;  ///< absolute
+  bool is_default_train_dir = false;
+  std::string experiment;  ///< empty: the run names itself
+  RestartBehavior restart_behavior = RestartBehavior::kResume;
+};
+
 /// What a new run takes from the user's TOML file; empty without one. From a run's config.toml it takes what had been asked
 /// for that run, and not its name, its generated map and what was worked out for it. Errors: those of read_settings_toml.
 Expected<SettingsLayer> file_layer(const UserSettings& user);
+
+/// What the user says of the run's place, before it is known whether the run is new; `file` as file_layer() reads it.
+/// Errors: those of apply_layer().
+Expected<RunPlace> place_of_run(const SettingsLayer& file, const SettingsLayer& typed);
 
 /// A new run's settings. `changes` lie above the preset and below the file, for commands whose own defaults differ
 /// (a bench has no end by frames). Errors: kBadInput and kBadFormat of any layer, naming it;

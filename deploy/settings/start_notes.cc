@@ -4,6 +4,7 @@
 
 #include "deploy/settings/game_files.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/other_names.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
@@ -12,34 +13,30 @@ namespace {
 /// A value in a sentence.
 std::string shown(const std::string& text) { return text.empty() ? "empty" : text; }
 
-/// Calls `tell(row, text)` for every setting that was typed.
-template <typename Tell>
-void for_each_typed(const SettingsLayer& typed, Tell&& tell) {
-  for (const auto& [name, text] : typed.values)
-    if (const SettingRow* row = find_setting(name)) tell(*row, text);
-}
-
 }  // namespace
 
 std::vector<std::string> flags_without_effect(const RunConfig& config, const SettingsLayer& typed) {
   RunConfig judged = config;
   if (is_generated_layout(judged)) judged.environment.wad.clear();  // nobody asked for that one
   std::vector<std::string> lines;
-  for_each_typed(typed, [&](const SettingRow& row, const std::string& text) {
-    if (!row.counts(judged))
-      lines.push_back("--" + std::string(row.name) + " " + text + " does nothing in this run (algo " +
-                      config.run.algo.name() + "): it counts with " +
-                      std::string(row.traits.counts_with.words));
-  });
+  const auto judge = [&](std::string_view name, const std::string& text, const CountsWith& counts_with) {
+    if (counts_with.holds != nullptr && !counts_with.holds(judged))
+      lines.push_back("--" + std::string(name) + " " + text + " does nothing in this run (algo " +
+                      config.run.algo.name() + "): it counts with " + std::string(counts_with.words));
+  };
+  for (const auto& [name, text] : typed.values)
+    if (const OtherName* other = find_other_name(name); other != nullptr && other->counts_with.holds)
+      judge(name, text, other->counts_with);
+    else if (const SettingRow* row = find_setting(name))
+      judge(row->name, text, row->traits.counts_with);
   return lines;
 }
 
 std::vector<std::string> flags_unused_by_eval(const SettingsLayer& typed) {
   std::vector<std::string> lines;
-  for_each_typed(typed, [&](const SettingRow& row, const std::string& text) {
-    if (!row.traits.used_by_eval)
-      lines.push_back("--" + std::string(row.name) + " " + text + " does nothing in an evaluation");
-  });
+  for (const auto& [name, text] : typed.values)
+    if (const SettingRow* row = find_setting(name); row != nullptr && !row->traits.used_by_eval)
+      lines.push_back("--" + std::string(row->name) + " " + text + " does nothing in an evaluation");
   return lines;
 }
 

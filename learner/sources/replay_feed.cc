@@ -83,7 +83,7 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
   const bool learns_alone = config.run.algo->learns_alone();
   const DrawnBatch drawn = drawn_batch(config, agents);
   if (drawn.units % learners != 0)
-    return Error{ErrorCode::kBadInput, "learners do not divide " + std::string(drawn.setting)};
+    return Error{ErrorCode::kBadInput, "learners do not divide replay_batch_size"};
   const ReplayBatchOptions batch_options{
       .shape = shape,
       .unit = unit_of(drawn.unit),

@@ -7,6 +7,7 @@
 
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/replay/trajectory_store.h"
+#include "rollout_buffer/settings/drawn_batch.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/segment.h"
 
@@ -52,11 +53,12 @@ int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape, in
   arena.slab_count = static_cast<int32_t>(std::max<int64_t>(1, config.collection.trajectory_slabs));
   arena.weights_bytes = weights_bytes;
   // One batch in training, one that waits, and what a micro-batch leaves for its gradient.
-  const int64_t batch_rows =
-      config.network.use_rnn
-          ? config.q_learning.qmix_batch_sequences * (config.collection.rollout + 1) * env.num_agents
-          : 2 * std::max(config.q_learning.dqn_batch_decisions,
-                         config.q_learning.qmix_batch_joint_decisions * env.num_agents);
+  const DrawnBatch drawn = drawn_batch(config, env.num_agents);
+  const int64_t unit_rows = drawn.unit == DrawnBatch::Unit::kSequence
+                                ? (config.collection.rollout + 1) * env.num_agents
+                            : drawn.unit == DrawnBatch::Unit::kJointDecision ? 2 * env.num_agents
+                                                                             : 2;
+  const int64_t batch_rows = drawn.units * unit_rows;
   const int64_t learners = config.collection.learners;
   return shm::Arena::size_bytes(arena) + learners * kWeightCopies * arena.weights_bytes +
          3 * batch_rows * env.frame_bytes() +

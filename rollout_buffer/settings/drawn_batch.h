@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string_view>
 
 #include "rollout_buffer/settings/run_config.h"
 
@@ -14,9 +13,11 @@ struct DrawnBatch {
   enum class Unit { kSequence, kJointDecision, kDecisionOfOne };
   Unit unit;
   int64_t units;
-  std::string_view setting;        ///< that says how many
-  int64_t setting_value_per_unit;  ///< what a unit counts there
+  int64_t setting_value_per_unit;  ///< what a unit counts in replay_batch_size
 };
+
+/// What replay_batch_size counts.
+DrawnBatch::Unit counted_unit(const RunConfig& config);
 
 /// `config` must be resolved.
 DrawnBatch drawn_batch(const RunConfig& config, int64_t num_agents);

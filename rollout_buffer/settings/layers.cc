@@ -9,6 +9,7 @@
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/toml_text.h"
 #include "rollout_buffer/settings/encoder_layers.h"
+#include "rollout_buffer/settings/other_names.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
@@ -93,8 +94,18 @@ void settle_variant(const RunConfig& before, bool names_variant, RunConfig& conf
 
 Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   const RunConfig before = config;
-  for (const auto& [key, text] : layer.values) COMRAD_TRY(set(config, layer.origin, key, text));
+  // Names that mean something in some runs only are read when the layer's other values say which run it is.
+  const auto put = [&](bool comes_last) -> Status {
+    for (const auto& [key, text] : layer.values) {
+      const OtherName* other = find_other_name(key);
+      if (comes_last == (other != nullptr && other->counts_with.holds != nullptr))
+        COMRAD_TRY(set(config, layer.origin, key, text));
+    }
+    return {};
+  };
+  COMRAD_TRY(put(false));
   settle_mixer(config);
+  COMRAD_TRY(put(true));
   settle_encoder(config);
   settle_variant(
       before, std::ranges::count(layer.values, "variant", [](const auto& value) { return value.first; }) > 0,

@@ -5,6 +5,7 @@
 
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/encoder_layers.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
 namespace {
@@ -43,7 +44,22 @@ Status assign_epsilon(RunConfig& config, const std::string& origin, std::string_
   return {};
 }
 
+/// The size of a replay's batch was three settings, one for each unit.
+Status assign_replay_batch(RunConfig& config, const std::string& origin, std::string_view text) {
+  return set(config, origin, "replay_batch_size", text);
+}
+constexpr OtherName replay_batch(std::string_view name, const CountsWith& counts_with) {
+  return {
+      .name = name, .assign = assign_replay_batch, .sets = {"replay_batch_size"}, .counts_with = counts_with};
+}
+
 constexpr OtherName kOtherNames[] = {
+    replay_batch("qmix_batch_sequences", with::sequences),
+    replay_batch("qmix_sequence_batch_size", with::sequences),
+    replay_batch("qmix_batch_joint_decisions", with::joint_decisions),
+    replay_batch("qmix_buffer_batch_size", with::joint_decisions),
+    replay_batch("dqn_batch_decisions", with::decisions_of_one),
+    replay_batch("dqn_batch_size", with::decisions_of_one),
     {.name = "epsilon_start", .assign = assign_epsilon<EpsilonPart::kStart>, .sets = {"epsilon"}},
     {.name = "epsilon_end", .assign = assign_epsilon<EpsilonPart::kEnd>, .sets = {"epsilon"}},
     {.name = "epsilon_decay_env_frames",

@@ -1,5 +1,6 @@
 // Names that are no setting, one row each. Most are Sample Factory's: what COMRAD always does, the setting to use instead, or
-// the one whose opposite it is; `core` stands for several settings, `epsilon_end` for a part of one. Names that mean the same as a setting are its old_names (setting.h).
+// the one whose opposite it is; `core` stands for several settings, `epsilon_end` for a part of one,
+// `qmix_batch_sequences` for replay_batch_size where that counts sequences. Names that mean the same as a setting are its old_names (setting.h).
 // Stage: before a run.
 #pragma once
 
@@ -9,6 +10,7 @@
 #include <string_view>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/counts_with.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad {
@@ -24,7 +26,12 @@ struct OtherName {
 
   Status (*assign)(RunConfig&, const std::string& origin, std::string_view text) = nullptr;
   std::array<std::string_view, 4> sets = {};  ///< what `assign` sets
+  /// Where the name is another one for sets[0] in some runs only. Elsewhere nothing is set. Null: in all.
+  CountsWith counts_with = {};
 
+  bool counts(const RunConfig& config) const {
+    return counts_with.holds == nullptr || counts_with.holds(config);
+  }
   /// Whether `text` asks for what is done in any case. Errors: kBadInput with `instead`.
   Status accept(const std::string& origin, std::string_view text) const;
 };

@@ -37,8 +37,8 @@ constexpr RecipeRow kRecipeRows[] = {
     {"", "mixers", "rnn_type", "gru", "a benchmark launch: GRU of 512 units"},
     {"", "mixers", "rnn_size", "512", "a benchmark launch: GRU of 512 units"},
     {"", "mixers", "batch_size", "4096", "a benchmark launch: four updates for every 4096 decisions"},
-    {"", "vdn qmix", "qmix_batch_sequences", "64", "a benchmark launch"},
-    {"", "qplex_d qplex_q", "qmix_batch_sequences", "16", "a benchmark launch: its mixer is larger"},
+    {"", "vdn qmix", "replay_batch_size", "64", "a benchmark launch"},
+    {"", "qplex_d qplex_q", "replay_batch_size", "16", "a benchmark launch: its mixer is larger"},
     {"", "q_learning", "adam_eps", "1e-8",
      "Q-gradients are small: with 1e-6 the root of Adam's second moment lay below epsilon in the gates of "
      "recurrent cores, whose steps shrank up to a hundredfold; the reference's mixers use 1e-8, too"},
@@ -68,7 +68,7 @@ constexpr RecipeRow kRecipeRows[] = {
     {"small", "mixers", "batch_size", "1024",
      "simulators and learner wait for each other sooner: a quarter of the decisions may be ahead"},
     {"small", "q_learning", "num_batches_to_accumulate", "1", "decisions enter the replay sooner"},
-    {"small", "mixers", "qmix_batch_sequences", "4",
+    {"small", "mixers", "replay_batch_size", "4",
      "many updates from few sequences: 256 decisions of two agents"},
     {"small", "mixers", "replay_ratio", "4",
      "an update for every 64 new decisions; QMIX learned Platform Chain's first steps in 5 minutes, and "
@@ -76,7 +76,7 @@ constexpr RecipeRow kRecipeRows[] = {
     {"small", "mixers", "td_lambda", "0.8", "rewards reach earlier decisions of a sequence in fewer updates"},
     {"small", "mixers", "target_update_tau", "0.02",
      "runs have thousands of updates, not tens of thousands: targets 50 updates old instead of 200"},
-    {"small", "idqn", "dqn_batch_decisions", "64",
+    {"small", "idqn", "replay_batch_size", "64",
      "16 updates for every 1024 decisions, each trained on once; with this and the next three rows the "
      "return on Ammo Carrier grew three times as far (RECIPES.md)"},
     {"small", "idqn", "dqn_max_updates_per_batch", "16", "16 updates for every 1024 decisions"},

@@ -155,12 +155,23 @@ Status check_combinations(const RunConfig& c) {
   return {};
 }
 
+int64_t automatic_replay_batch(const RunConfig& c) {
+  switch (counted_unit(c)) {
+    case DrawnBatch::Unit::kSequence:
+      return 8;
+    case DrawnBatch::Unit::kJointDecision:
+      return 32;
+    case DrawnBatch::Unit::kDecisionOfOne:
+      break;
+  }
+  return std::min<int64_t>(c.optimisation.batch_size, 256);
+}
+
 /// What the settings of Q-learning become once the others are known.
 void resolve_q_learning(RunConfig& c) {
   c.mixers.mixer = c.run.algo->mixer_name;
   if (c.network.use_rnn) c.replay.per = c.replay.per && c.replay.per_sequences;
-  if (c.q_learning.dqn_batch_decisions == 0)
-    c.q_learning.dqn_batch_decisions = std::min<int64_t>(c.optimisation.batch_size, 256);
+  if (c.q_learning.replay_batch_size == 0) c.q_learning.replay_batch_size = automatic_replay_batch(c);
   if (c.replay.per_beta_env_frames == 0) c.replay.per_beta_env_frames = c.run.train_for_env_frames;
   if (c.q_learning.team_reward == TeamReward::kAuto)
     c.q_learning.team_reward = c.environment.shared_reward_alpha == 1 ? TeamReward::kMean : TeamReward::kSum;
@@ -214,7 +225,7 @@ Status check_learners(const RunConfig& c) {
     if (drawn.units % learners != 0)
       return refuse("an update's " + std::to_string(drawn.units) +
                     (drawn.unit == DrawnBatch::Unit::kSequence ? " sequences" : " decisions") +
-                    " are not divided by it without a remainder; set --" + std::string(drawn.setting) + " " +
+                    " are not divided by it without a remainder; set --replay_batch_size " +
                     std::to_string(divided(drawn.units) * drawn.setting_value_per_unit));
     if (env_count < learners)
       return refuse("each has a replay of the trajectories of some environments, and there are " +

@@ -346,7 +346,9 @@ const SettingRow* find_setting(std::string_view name) {
   for (const SettingRow& row : setting_rows())
     if (row.has_name(name)) return &row;
   const OtherName* other = find_other_name(name);
-  return other == nullptr || other->setting.empty() ? nullptr : find_setting(other->setting);
+  if (other == nullptr) return nullptr;
+  const std::string_view setting = other->counts_with.holds != nullptr ? other->sets[0] : other->setting;
+  return setting.empty() ? nullptr : find_setting(setting);
 }
 
 std::vector<std::string> setting_names() {
@@ -371,7 +373,10 @@ std::string setting_toml(const SettingRow& row, const std::string& text) {
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text) {
   std::string opposite;
   if (const OtherName* other = find_other_name(key)) {
-    if (other->assign != nullptr) return other->assign(config, origin, text);
+    if (other->assign != nullptr) {
+      RunConfig unused = config;
+      return other->assign(other->counts(config) ? config : unused, origin, text);
+    }
     if (other->setting.empty()) return other->accept(origin, text);
     bool value = false;
     if (parse(text, value)) text = opposite = to_text(!value);

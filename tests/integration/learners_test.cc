@@ -149,7 +149,7 @@ TEST(Learners, RefuseWhatTheyCannotShare) {
   EXPECT_THAT(
       refusal({"--algo", "qmix", "--qmix_batch_sequences", "7"}),
       HasSubstr("learners is 2; an update's 7 sequences are not divided by it without a remainder; set "
-                "--qmix_batch_sequences 8"));
+                "--replay_batch_size 8"));
   EXPECT_THAT(
       refusal({"--learners", "3"}),
       HasSubstr("learners is 3; a batch of 8 trajectories (batch_size x num_batches_per_epoch / "

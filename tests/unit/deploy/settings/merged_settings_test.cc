@@ -153,12 +153,12 @@ TEST(MergeNew, QplexPresetLiesBetweenThePresetAndTheScenariosRows) {
       typed({{"algo", "qplex"}, {"mixer", "dmaq_qatten"}, {"qplex_preset", "paper"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.run.algo, "qplex_q");
-  EXPECT_EQ(merged->config.q_learning.qmix_batch_sequences, 5);
+  EXPECT_EQ(merged->config.q_learning.replay_batch_size, 5);
   EXPECT_EQ(merged->config.mixers.qplex_num_kernel, 10);
   EXPECT_EQ(merged->from.at("qplex_num_kernel"), "preset");
   const auto other = merge_new(typed({{"algo", "qmix"}}), fake_scenario, 2);
   ASSERT_TRUE(other) << other.error().message;
-  EXPECT_EQ(other->config.q_learning.qmix_batch_sequences, 4) << "small's, not the row of qplex_q";
+  EXPECT_EQ(other->config.q_learning.replay_batch_size, 4) << "small's, not the row of qplex_q";
 }
 
 TEST(MergeNew, WithoutARecurrentCoreThePresetsTdLambdaFallsAwayAndATypedOneIsRefused) {
@@ -173,6 +173,25 @@ TEST(MergeNew, WithoutARecurrentCoreThePresetsTdLambdaFallsAwayAndATypedOneIsRef
       merge_new(typed({{"algo", "vdn"}, {"use_rnn", "false"}, {"td_lambda", "0.5"}}), fake_scenario, 2);
   ASSERT_FALSE(asked);
   EXPECT_THAT(asked.error().message, HasSubstr("td_lambda"));
+}
+
+TEST(MergeNew, RecipesCountInTheUnitOfTheirCoreAlone) {
+  const auto size = [](std::vector<std::pair<std::string, std::string>> flags) {
+    const auto merged = merge_new(typed(std::move(flags)), fake_scenario, 2);
+    EXPECT_TRUE(merged) << merged.error().message;
+    return merged ? merged->config.q_learning.replay_batch_size : -1;
+  };
+  EXPECT_EQ(size({{"algo", "vdn"}}), 4) << "sequences";
+  EXPECT_EQ(size({{"algo", "vdn"}, {"use_rnn", "false"}}), 32) << "joint decisions";
+  EXPECT_EQ(size({{"algo", "idqn"}}), 64) << "agent decisions";
+  EXPECT_EQ(size({{"algo", "idqn"}, {"use_rnn", "true"}}), 8) << "sequences";
+  EXPECT_EQ(size({{"algo", "idqn"}, {"use_rnn", "true"}, {"replay_batch_size", "6"}}), 6) << "asked for";
+  // The names of each unit: the one that is drawn counts, the layer it came from is that of the other setting.
+  EXPECT_EQ(size({{"algo", "vdn"}, {"qmix_batch_sequences", "9"}, {"dqn_batch_decisions", "5"}}), 9);
+  const auto other = merge_new(typed({{"algo", "vdn"}, {"dqn_batch_decisions", "5"}}), fake_scenario, 2);
+  ASSERT_TRUE(other) << other.error().message;
+  EXPECT_EQ(other->config.q_learning.replay_batch_size, 4);
+  EXPECT_EQ(other->from.at("replay_batch_size"), "preset");
 }
 
 TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserAsks) {

@@ -25,6 +25,11 @@ TEST(FlagsWithoutEffect, AreNamedWithWhatTheyCountWith) {
               ElementsAre(AllOf(HasSubstr("--per_omega 0.9 does nothing"), HasSubstr("per_sequences"))));
   EXPECT_THAT(flags_without_effect(config, {"command line", {{"env_framestack", "1"}, {"lr", "1e-3"}}}),
               IsEmpty());
+  // vdn has a recurrent core here, so sequences are drawn.
+  EXPECT_THAT(flags_without_effect(
+                  config, {"command line", {{"qmix_batch_sequences", "9"}, {"dqn_batch_decisions", "5"}}}),
+              ElementsAre(AllOf(HasSubstr("--dqn_batch_decisions 5 does nothing"),
+                                HasSubstr("counts with idqn without a recurrent core"))));
 }
 
 TEST(FlagsWithoutEffect, AMapThatWasMadeForTheRunHidesNoSeed) {

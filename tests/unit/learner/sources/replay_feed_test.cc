@@ -32,7 +32,7 @@ RunConfig config_of() {
   config.network.use_rnn = false;
   config.collection.rollout = kRollout;
   config.optimisation.batch_size = 64;
-  config.q_learning.dqn_batch_decisions = 16;
+  config.q_learning.replay_batch_size = 16;
   config.q_learning.learning_starts_decisions = 1000;
   config.run.train_for_env_frames = config.replay.per_beta_env_frames = 10'000;
   config.network.normalize_input = false;

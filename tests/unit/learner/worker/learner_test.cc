@@ -446,8 +446,7 @@ RunConfig small_q_config(const std::string& algo) {
   config.q_learning.team_reward = TeamReward::kSum;
   config.replay.replay_gb = 1e-3;
   config.q_learning.learning_starts_decisions = 64;
-  config.q_learning.qmix_batch_sequences = 3;
-  config.q_learning.dqn_batch_decisions = 12;
+  config.q_learning.replay_batch_size = algo == "idqn" ? 12 : 3;
   config.q_learning.dqn_max_updates_per_batch = 2;
   config.replay.per_beta_env_frames = 1000;
   config.q_learning.epsilon = Schedule::line(1, 0.01, 1000);

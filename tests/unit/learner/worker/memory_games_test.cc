@@ -81,7 +81,7 @@ RunConfig maze_config(const Case& one) {
   // Q-learning.
   config.q_learning.learning_starts_decisions = 4096;
   config.q_learning.replay_ratio = 2;
-  config.q_learning.qmix_batch_sequences = 32;
+  config.q_learning.replay_batch_size = config.network.use_rnn ? 32 : 0;
   config.q_learning.target_update_tau = 0.02;
   config.q_learning.epsilon = Schedule::line(1, 0.02, 4 * 40'000);
   if (config.run.algo == "happo") config.environment.shared_reward_alpha = 1;  // its one value is the team's

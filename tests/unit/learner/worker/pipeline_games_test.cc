@@ -86,7 +86,7 @@ RunConfig game_config(const std::string& algo) {
   config.q_learning.learning_starts_decisions = 512;
   config.q_learning.replay_ratio = 4;
   config.q_learning.target_update_tau = 0.02;
-  config.q_learning.dqn_batch_decisions = 32;
+  config.q_learning.replay_batch_size = 32;
   config.q_learning.dqn_reward_clip = 0;
   // Where not every target can be met, Huber's loss ends nearer to their median than to their mean.
   config.q_learning.use_huber_loss = algo != "vdn" && algo != "idqn";

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
+#include <filesystem>
 #include <functional>
 #include <set>
 
@@ -416,27 +417,27 @@ TEST(ResolveSettings, LearnersShareBatchesAndCoresOrSayWhatDoesNotDivide) {
   EXPECT_THAT(
       refused([](RunConfig& c) { c.run.algo = "qmix"; }),
       HasSubstr("learners is 3; an update's 8 sequences are not divided by it without a remainder; set "
-                "--qmix_batch_sequences 9"));
+                "--replay_batch_size 9"));
   EXPECT_THAT(refused([](RunConfig& c) { c.run.algo = "qmix", c.network.use_rnn = false; }),
               HasSubstr("32 decisions are not divided by it without a remainder; set "
-                        "--qmix_batch_joint_decisions 33"));
+                        "--replay_batch_size 33"));
   EXPECT_THAT(
       refused([](RunConfig& c) { c.run.algo = "idqn", c.network.use_rnn = false; }),
-      HasSubstr("256 decisions are not divided by it without a remainder; set --dqn_batch_decisions 258"));
+      HasSubstr("256 decisions are not divided by it without a remainder; set --replay_batch_size 258"));
   EXPECT_THAT(
       refused([](RunConfig& c) {
         c.run.algo = "idqn", c.network.use_rnn = false;
         c.network.agent_id_input = true;  // decisions of both agents are drawn
       }),
-      HasSubstr("128 decisions are not divided by it without a remainder; set --dqn_batch_decisions 258"));
+      HasSubstr("128 decisions are not divided by it without a remainder; set --replay_batch_size 258"));
   EXPECT_THAT(refused([](RunConfig& c) {
-                c.run.algo = "vdn", c.q_learning.qmix_batch_sequences = 9;
+                c.run.algo = "vdn", c.q_learning.replay_batch_size = 9;
                 c.collection.num_workers = 1, c.collection.num_envs_per_worker = 2;
               }),
               HasSubstr("trajectories of some environments, and there are 2; raise --num_workers"));
   // What comes in by single trajectories need not be divided; what lock step takes in at a time must be.
   const auto vdn_of_three = [](RunConfig& c) {
-    c.run.algo = "vdn", c.q_learning.qmix_batch_sequences = 9;
+    c.run.algo = "vdn", c.q_learning.replay_batch_size = 9;
     c.collection.learners = 3;
   };
   config = two_agents();
@@ -684,6 +685,41 @@ TEST(Settings, RandomTomlIsReadOrRefusedWithItsPlace) {
     }
   }
   EXPECT_GT(read, 0) << "an empty text is one";
+}
+
+// The size of a replay's batch was a setting for each unit, and config.toml of a run had all of them.
+TEST(OldRuns, DrawTheBatchesThatTheyDrew) {
+  const test::ScratchFolder folder;
+  const std::string sizes =
+      "dqn_batch_decisions = 64\nqmix_batch_joint_decisions = 33\nqmix_batch_sequences = 9\n";
+  for (const auto& [run, size] : {std::pair("algo = \"qmix\"\nuse_rnn = true\n", 9),
+                                  {"algo = \"vdn\"\nuse_rnn = false\n", 33},
+                                  {"algo = \"idqn\"\nuse_rnn = false\n", 64},
+                                  {"algo = \"idqn\"\nuse_rnn = true\n", 9},
+                                  {"algo = \"ippo\"\nuse_rnn = true\n", 0}}) {
+    const std::string path =
+        folder.write("config.toml", run + sizes + "[asked_for]\ndqn_batch_decisions = 0\n");
+    const Expected<RunConfig> config = load_run_config(path);
+    ASSERT_TRUE(config) << config.error().message;
+    EXPECT_EQ(config->q_learning.replay_batch_size, size) << run;
+  }
+  // Those of the runs that the repository keeps.
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(COMRAD_SOURCE_DIR "/scenarios/results")) {
+    const std::string path = entry.path().string() + "/config.toml";
+    if (!std::filesystem::exists(path)) continue;
+    const Expected<RunConfig> config = load_run_config(path);
+    ASSERT_TRUE(config) << config.error().message;
+    if (!config->run.algo->learns_q_values()) continue;
+    ++count;
+    const Expected<SettingsLayer> layer = read_settings_toml(path);
+    ASSERT_TRUE(layer);
+    const std::string_view name = config->network.use_rnn ? "qmix_batch_sequences" : "dqn_batch_decisions";
+    const auto kept = std::ranges::find(layer->values, name, &SettingValues::value_type::first);
+    ASSERT_NE(kept, layer->values.end()) << path << " has no " << name;
+    EXPECT_EQ(std::to_string(config->q_learning.replay_batch_size), kept->second) << path;
+  }
+  EXPECT_GT(count, 20);
 }
 
 }  // namespace config_test

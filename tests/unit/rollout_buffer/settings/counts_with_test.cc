@@ -107,20 +107,34 @@ TEST(Units, NamesThatCouldMeanTwoOfThemEndInTheirs) {
 
 TEST(Units, TheOldNamesStillSetTheNewOnes) {
   const std::pair<const char*, const char*> names[] = {
-      {"train_for_env_steps", "train_for_env_frames"},
-      {"per_beta_frames", "per_beta_env_frames"},
-      {"save_best_after", "save_best_after_env_frames"},
-      {"learning_starts", "learning_starts_decisions"},
-      {"train_frequency", "train_every_decisions"},
-      {"replay_buffer_size", "replay_capacity_decisions"},
-      {"dqn_batch_size", "dqn_batch_decisions"},
-      {"qmix_buffer_batch_size", "qmix_batch_joint_decisions"},
-      {"qmix_sequence_batch_size", "qmix_batch_sequences"}};
+      {"train_for_env_steps", "train_for_env_frames"},   {"per_beta_frames", "per_beta_env_frames"},
+      {"save_best_after", "save_best_after_env_frames"}, {"learning_starts", "learning_starts_decisions"},
+      {"train_frequency", "train_every_decisions"},      {"replay_buffer_size", "replay_capacity_decisions"}};
   for (const auto& [old_name, name] : names) {
     RunConfig config;
     ASSERT_TRUE(apply_layer(config, {"command line", {{old_name, "123"}}})) << old_name;
     EXPECT_EQ(std::stod(setting_text(config, name)), 123) << old_name;
   }
+}
+
+TEST(Units, TheOldSizesOfAReplaysBatchCountWhereTheirUnitIsDrawn) {
+  const std::pair<const char*, const char*> runs[] = {{"qmix", "true"}, {"qmix", "false"}, {"idqn", "false"}};
+  const std::pair<const char*, const char*> names[] = {
+      {"qmix_batch_sequences", "qmix_sequence_batch_size"},
+      {"qmix_batch_joint_decisions", "qmix_buffer_batch_size"},
+      {"dqn_batch_decisions", "dqn_batch_size"}};
+  for (std::size_t run = 0; run < std::size(runs); ++run)
+    for (std::size_t unit = 0; unit < std::size(names); ++unit)
+      for (const char* name : {names[unit].first, names[unit].second}) {
+        RunConfig config;
+        // The name comes first: the whole layer says which run it is.
+        ASSERT_TRUE(apply_layer(
+            config,
+            {"command line", {{name, "123"}, {"algo", runs[run].first}, {"use_rnn", runs[run].second}}}));
+        EXPECT_EQ(config.q_learning.replay_batch_size, run == unit ? 123 : 0)
+            << name << " of " << runs[run].first << " with use_rnn " << runs[run].second;
+        EXPECT_FALSE(apply_layer(config, {"command line", {{name, "many"}}})) << name;
+      }
 }
 
 }  // namespace counts_with_test

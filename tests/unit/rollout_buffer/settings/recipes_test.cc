@@ -104,19 +104,19 @@ TEST(AlgorithmDefaults, ValueDecompositionIsGruOverSequencesAndIdqnFeedForward) 
   };
   for (const char* algo : {"VDN", "qmix"}) {
     const RunConfig config = resolved(algo);
-    EXPECT_EQ(config.q_learning.qmix_batch_sequences, 64);
+    EXPECT_EQ(config.q_learning.replay_batch_size, 64);
     EXPECT_EQ(config.network.rnn_type, RnnType::kGru);
     EXPECT_FALSE(config.replay.per);  // whole sequences are drawn uniformly
     EXPECT_EQ(config.q_learning.team_reward, TeamReward::kSum);
     EXPECT_TRUE(config.run.algo->learns_q_values() && config.run.algo->mixes_q_values());
   }
   EXPECT_EQ(resolved("QPLEX_Q").mixers.mixer, "dmaq_qatten");
-  EXPECT_EQ(resolved("qplex_d").q_learning.qmix_batch_sequences, 16);
+  EXPECT_EQ(resolved("qplex_d").q_learning.replay_batch_size, 16);
   const RunConfig idqn = resolved("dqn");
   EXPECT_TRUE(idqn.run.algo == "idqn");
   EXPECT_FALSE(idqn.network.use_rnn);
   EXPECT_TRUE(idqn.replay.per);
-  EXPECT_EQ(idqn.q_learning.dqn_batch_decisions, 256);
+  EXPECT_EQ(idqn.q_learning.replay_batch_size, 256);
   EXPECT_FALSE(idqn.run.algo->mixes_q_values());
 }
 
