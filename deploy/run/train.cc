@@ -50,16 +50,34 @@ std::string automatic_name(const RunConfig& config) {
 
 using AskedFor = std::vector<std::pair<std::string, std::string>>;
 
-/// What [asked_for] in a run's config.toml holds from now on: of an earlier start (`before`) what nobody changed since, and
-/// what this one worked out.
-AskedFor asked_for(const AskedFor& before, const MergedSettings& merged, const RunConfig& asked) {
-  std::map<std::string, std::string> all(before.begin(), before.end());
+/// A start of which everything that can be refused was checked, and nothing is written yet.
+struct StartPlan {
+  UserSettings user;
+  SettingsLayer file;  ///< of the user
+  RunPlace place;
+  MergedSettings merged;
+  bool exists = false;   ///< an earlier run's config.toml lies in the directory, to go on from
+  bool resumes = false;  ///< and a checkpoint
+  SettingsLayer before;  ///< that config.toml; empty unless the run resumes
+  std::string iwad;
+  std::string keys;         ///< folder of the keys of a run that serves
+  std::string layout_list;  ///< of the run's pool, once it is there
+  StartCheck start;
+
+  std::string run_dir() const { return (fs::path(place.train_dir) / merged.config.run.experiment).string(); }
+};
+
+/// What [asked_for] in a run's config.toml holds from now on: of an earlier start what nobody changed since, and what this
+/// one worked out.
+AskedFor asked_for(const StartPlan& plan) {
+  const MergedSettings& merged = plan.merged;
+  std::map<std::string, std::string> all(plan.before.asked_for.begin(), plan.before.asked_for.end());
   for (const auto& [name, from] : merged.from)
     if (from == "command line" || from == "file") all.erase(name);
   for (const auto& [name, text] : merged.asked_for) all[name] = text;
   const RunConfig built_in;
   for (const char* name : {"experiment", "restart_behavior"}) all[name] = setting_text(built_in, name);
-  if (asked.run.train_dir == built_in.run.train_dir) all["train_dir"] = built_in.run.train_dir;
+  if (plan.place.is_default_train_dir) all["train_dir"] = built_in.run.train_dir;
   if (is_generated_layout(merged.config)) all["wad"] = "";
   AskedFor in_order;
   for (const SettingRow& row : setting_rows())
@@ -67,12 +85,10 @@ AskedFor asked_for(const AskedFor& before, const MergedSettings& merged, const R
   return in_order;
 }
 
-/// The settings of a run that will live in `run_dir`, where an earlier one may lie.
-Expected<MergedSettings> settings_for(const std::string& run_dir, bool resumes, const UserSettings& user) {
-  const int core_count = usable_cores();
-  if (!resumes) return merge_new(user, describe_scenario, core_count);
+/// The settings of a run that goes on in `run_dir`.
+Expected<MergedSettings> settings_of_resumed(const std::string& run_dir, const UserSettings& user) {
   COMRAD_TRY_ASSIGN(const RunConfig run, load_run_config(run_dir + "/config.toml"));
-  COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
+  COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, usable_cores()));
   if (run.environment.layout_pool.empty() != merged.config.environment.layout_pool.empty())
     return Error{
         ErrorCode::kBadInput,
@@ -83,117 +99,148 @@ Expected<MergedSettings> settings_for(const std::string& run_dir, bool resumes, 
   return merged;
 }
 
-Expected<int> train(const CommandLine& line, bool allow_no_update, const std::string& key_folder) {
-  const UserSettings user{line.config_file(), line.typed()};
-  RunConfig asked;  // only what says where the run lies is read from here
-  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer(user));
-  COMRAD_TRY(apply_layer(asked, file));
-  COMRAD_TRY(apply_layer(asked, user.typed));
-  std::error_code error;
-  const std::string train_dir = fs::absolute(asked.run.train_dir, error).lexically_normal().string();
-  const bool is_named = !asked.run.experiment.empty();
-  const std::string experiment = is_named ? asked.run.experiment : automatic_name(asked);
-  const std::string run_dir = (fs::path(train_dir) / experiment).string();
+std::string absolute(const std::string& path) {
+  std::error_code ignored;
+  return fs::absolute(path, ignored).lexically_normal().string();
+}
 
-  const bool exists = is_named && asked.run.restart_behavior == RestartBehavior::kResume &&
-                      fs::exists(run_dir + "/config.toml", error);
-  // A run that never saved has nothing to go on from; it may have been refused for the settings in
-  // its config.toml.
-  const bool resumes = exists && find_checkpoint(run_dir, CheckpointKind::kLatest).has_value();
-  COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(run_dir, resumes, user));
-  print_warnings(merged.scenario);
-  RunConfig& config = merged.config;
-  config.run.train_dir = train_dir;
-  config.run.experiment = experiment;
-  config.run.restart_behavior = asked.run.restart_behavior;
-  COMRAD_TRY(check_metrics_port(config.run.metrics_port));
-  COMRAD_TRY_ASSIGN(const std::string iwad, find_iwad());
-  std::string keys =
-      key_folder.empty() ? link::kept_keys(run_dir) : fs::absolute(key_folder).lexically_normal().string();
-  COMRAD_TRY(prepare_serving(config, keys));
-  COMRAD_TRY_ASSIGN(const StartCheck start, check_start(config, merged.scenario.env, run_dir));
-  if (!resumes && !allow_no_update) COMRAD_TRY(check_learning_begins(config, start.replay));
-  if (!config.curriculum.interestingness_graph_path.empty())
-    config.curriculum.interestingness_graph_path =
-        fs::absolute(config.curriculum.interestingness_graph_path, error).lexically_normal().string();
-  std::string layout_list;
-  if (!config.environment.layout_pool.empty() && !is_pool_to_draw(config.environment.layout_pool)) {
-    config.environment.layout_pool =
-        fs::absolute(config.environment.layout_pool, error).lexically_normal().string();
-    if (!is_pool_to_make(config.environment.layout_pool)) {
-      COMRAD_TRY_ASSIGN(layout_list, ensure_layout_pool(config, "", /*for_training=*/true));
-    } else if (!resumes) {
-      COMRAD_TRY(check_wad(config.environment.layout_pool));
+/// Whole paths for the files of maps, which are checked as far as they are there.
+Status check_maps(StartPlan& plan) {
+  RunConfig& config = plan.merged.config;
+  if (std::string& graph = config.curriculum.interestingness_graph_path; !graph.empty())
+    graph = absolute(graph);
+  if (std::string& pool = config.environment.layout_pool; !pool.empty() && !is_pool_to_draw(pool)) {
+    pool = absolute(pool);
+    if (!is_pool_to_make(pool)) {
+      COMRAD_TRY_ASSIGN(plan.layout_list, ensure_layout_pool(config, "", /*for_training=*/true));
+    } else if (!plan.resumes) {
+      COMRAD_TRY(check_wad(pool));
     }
   }
-  COMRAD_TRY(check_layout(config));
+  return check_layout(config);
+}
 
-  SettingsLayer before;  // the run's config.toml as it was
-  if (resumes) {
-    COMRAD_TRY_ASSIGN(before, read_settings_toml(run_dir + "/config.toml"));
+Expected<StartPlan> plan_start(const UserSettings& user, bool allow_no_update,
+                               const std::string& key_folder) {
+  StartPlan plan;
+  plan.user = user;
+  COMRAD_TRY_ASSIGN(plan.file, file_layer(user));
+  COMRAD_TRY_ASSIGN(plan.place, place_of_run(plan.file, user.typed));
+  const std::string& name = plan.place.experiment;
+  const std::string named_dir = (fs::path(plan.place.train_dir) / name).string();
+  std::error_code error;
+  plan.exists = !name.empty() && plan.place.restart_behavior == RestartBehavior::kResume &&
+                fs::exists(named_dir + "/config.toml", error);
+  // A run that never saved has nothing to go on from; it may have been refused for the settings in its config.toml.
+  plan.resumes = plan.exists && find_checkpoint(named_dir, CheckpointKind::kLatest).has_value();
+  if (plan.resumes) {
+    COMRAD_TRY_ASSIGN(plan.merged, settings_of_resumed(named_dir, user));
+    COMRAD_TRY_ASSIGN(plan.before, read_settings_toml(named_dir + "/config.toml"));
+  } else {
+    COMRAD_TRY_ASSIGN(plan.merged, merge_new(user, describe_scenario, usable_cores()));
   }
-  COMRAD_TRY_ASSIGN(const RunDirectory directory,
-                    is_named ? RunDirectory::open(train_dir, experiment, config.run.restart_behavior)
-                             : RunDirectory::open_new(train_dir, experiment));
+  print_warnings(plan.merged.scenario);
+  RunConfig& config = plan.merged.config;
+  config.run.train_dir = plan.place.train_dir;
+  config.run.experiment = name.empty() ? automatic_name(config) : name;
+  config.run.restart_behavior = plan.place.restart_behavior;
+  COMRAD_TRY(check_metrics_port(config.run.metrics_port));
+  COMRAD_TRY_ASSIGN(plan.iwad, find_iwad());
+  plan.keys = key_folder.empty() ? link::kept_keys(plan.run_dir()) : absolute(key_folder);
+  COMRAD_TRY(prepare_serving(config, plan.keys));
+  COMRAD_TRY_ASSIGN(plan.start, check_start(config, plan.merged.scenario.env, plan.run_dir()));
+  if (!plan.resumes && !allow_no_update) COMRAD_TRY(check_learning_begins(config, plan.start.replay));
+  COMRAD_TRY(check_maps(plan));
+  return plan;
+}
+
+/// The run's directory, which then names the run.
+Expected<RunDirectory> claim_directory(StartPlan& plan) {
+  RunConfig& config = plan.merged.config;
+  const std::string run_dir = plan.run_dir();
+  COMRAD_TRY_ASSIGN(
+      RunDirectory directory,
+      plan.place.experiment.empty()
+          ? RunDirectory::open_new(plan.place.train_dir, config.run.experiment)
+          : RunDirectory::open(plan.place.train_dir, config.run.experiment, config.run.restart_behavior));
   config.run.experiment = fs::path(directory.path()).filename().string();
-  if (directory.is_resumed() != exists)
+  if (directory.is_resumed() != plan.exists)
     return Error{ErrorCode::kBadInput, run_dir + ": another run was made here just now; start again"};
   std::fprintf(stderr, "%s %s\n",
-               resumes ? "Resuming the run in" : "Run directory:", directory.path().c_str());
+               plan.resumes ? "Resuming the run in" : "Run directory:", directory.path().c_str());
+  return directory;
+}
+
+/// The run's map or pool, and the pool that it is evaluated on.
+Status make_maps(StartPlan& plan, const std::string& run_dir) {
+  RunConfig& config = plan.merged.config;
+  const std::string folder = run_dir + "/layouts";
   if (config.environment.layout_pool.empty()) {
-    COMRAD_TRY_ASSIGN(config.environment.wad, ensure_layout(config, directory.path() + "/layouts"));
+    COMRAD_TRY_ASSIGN(config.environment.wad, ensure_layout(config, folder));
   } else {
-    if (layout_list.empty()) {
-      COMRAD_TRY_ASSIGN(layout_list,
-                        ensure_layout_pool(config, directory.path() + "/layouts", /*for_training=*/true));
+    if (plan.layout_list.empty()) {
+      COMRAD_TRY_ASSIGN(plan.layout_list, ensure_layout_pool(config, folder, /*for_training=*/true));
     }
-    COMRAD_TRY(write_layout_list(directory.path(), layout_list));
+    COMRAD_TRY(write_layout_list(run_dir, plan.layout_list));
   }
-  if (config.run.eval_every_env_frames > 0 && config.run.eval_maps == EvalMaps::kHeldOut) {
-    // Once, and before the run needs all cores.
-    RunConfig evaluated = config;
-    evaluated.environment.layout_pool = kHeldOutPool;
-    COMRAD_TRY_ASSIGN(const std::string list, ensure_layout_pool(evaluated, directory.path() + "/layouts",
-                                                                 /*for_training=*/false));
-    COMRAD_TRY(write_layout_list(directory.path(), list, kHeldOutListFile));
-  }
-  COMRAD_TRY(directory.write_config(config, asked_for(before.asked_for, merged, asked)));
+  if (config.run.eval_every_env_frames <= 0 || config.run.eval_maps != EvalMaps::kHeldOut) return {};
+  // Once, and before the run needs all cores.
+  RunConfig evaluated = config;
+  evaluated.environment.layout_pool = kHeldOutPool;
+  COMRAD_TRY_ASSIGN(const std::string list, ensure_layout_pool(evaluated, folder, /*for_training=*/false));
+  return write_layout_list(run_dir, list, kHeldOutListFile);
+}
 
-  std::string address;
-  if (config.hosts.serve) {
-    COMRAD_TRY(link::keep_keys(directory.path(), keys));
-    COMRAD_TRY_ASSIGN(address, open_door(directory.path(), config, iwad));
-  }
-
-  LaunchPlan plan;
-  if (!address.empty()) std::fprintf(stderr, "%s\n", door_note(address, config).c_str());
-  plan.notes = flags_without_effect(config, user.typed);
-  if (resumes) {
+/// What the user hears of the settings.
+Expected<std::vector<std::string>> notes_of(const StartPlan& plan) {
+  const RunConfig& config = plan.merged.config;
+  std::vector<std::string> notes = flags_without_effect(config, plan.user.typed);
+  if (plan.resumes) {
     RunConfig last;
-    COMRAD_TRY(apply_layer(last, before));
+    COMRAD_TRY(apply_layer(last, plan.before));
     if (std::string changes = changes_text(last, config); !changes.empty())
-      plan.notes.push_back(std::move(changes));
+      notes.push_back(std::move(changes));
   }
-  if (std::string left_out = left_out_text(file); !left_out.empty())
-    plan.notes.push_back(std::move(left_out));
+  if (std::string left_out = left_out_text(plan.file); !left_out.empty())
+    notes.push_back(std::move(left_out));
+  return notes;
+}
+
+/// Runs until the run is over. Gives the exit code.
+Expected<int> launch(const StartPlan& start, const RunDirectory& directory) {
+  const RunConfig& config = start.merged.config;
+  const std::string run_dir = directory.path();
+  LaunchPlan plan;
+  if (config.hosts.serve) {
+    COMRAD_TRY(link::keep_keys(run_dir, start.keys));
+    COMRAD_TRY_ASSIGN(plan.door_address, open_door(run_dir, config, start.iwad));
+    std::fprintf(stderr, "%s\n", door_note(plan.door_address, config).c_str());
+  }
+  COMRAD_TRY_ASSIGN(plan.notes, notes_of(start));
   plan.hosts = host_calls(config, environment_variable, sibling_program("comrad"));
   plan.simulators_join = config.hosts.link == LinkKind::kDds;
-  if (plan.simulators_join)
-    plan.hosts.push_back(own_simulators(config, directory.path(), sibling_program("comrad")));
-  plan.door_address = address;
+  if (plan.simulators_join) plan.hosts.push_back(own_simulators(config, run_dir, sibling_program("comrad")));
   plan.config = config;
-  plan.env = merged.scenario.env;
-  plan.network = start.network;
-  plan.decision_limit = merged.scenario.decision_limit;
-  plan.run_dir = directory.path();
+  plan.env = start.merged.scenario.env;
+  plan.network = start.start.network;
+  plan.decision_limit = start.merged.scenario.decision_limit;
+  plan.run_dir = run_dir;
   plan.lock_descriptor = directory.lock_descriptor();
   COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
-  // As all that a run says: a terminal that stands still must not keep it.
+  // Like all run output: a blocked terminal must not block the run.
   std::string last = outcome.message;
-  if (outcome.exit_code == kExitDone && find_checkpoint(plan.run_dir, CheckpointKind::kLatest))
-    last += "\n" + next_commands(plan.run_dir);
+  if (outcome.exit_code == kExitDone && find_checkpoint(run_dir, CheckpointKind::kLatest))
+    last += "\n" + next_commands(run_dir);
   if (!last.empty()) ProgressPrinter(STDERR_FILENO, /*show=*/true).note(last);
   return outcome.exit_code;
+}
+
+Expected<int> train(const UserSettings& user, bool allow_no_update, const std::string& key_folder) {
+  COMRAD_TRY_ASSIGN(StartPlan plan, plan_start(user, allow_no_update, key_folder));
+  COMRAD_TRY_ASSIGN(const RunDirectory directory, claim_directory(plan));
+  COMRAD_TRY(make_maps(plan, directory.path()));
+  COMRAD_TRY(directory.write_config(plan.merged.config, asked_for(plan)));
+  return launch(plan, directory);
 }
 
 }  // namespace
@@ -214,7 +261,7 @@ int train_command(Arguments arguments) {
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("train", parsed.error());
   if (line.help_requested()) return print_settings_help("train", line);
-  const Expected<int> done = train(line, allow_no_update, key_folder);
+  const Expected<int> done = train({line.config_file(), line.typed()}, allow_no_update, key_folder);
   return done ? *done : report_error("train", done.error());
 }
 
