@@ -79,8 +79,8 @@ std::string answer_at_door(std::string_view request, const DoorOrders& orders) {
   if (order == "resume") return answer_of(orders.resume());
   if (order == "stop") return answer_of(orders.stop());
   if (order == "checkpoint") {
-    const Expected<uint32_t> wish = orders.checkpoint();
-    return wish ? line_of({{"ok", true}, {"asked", *wish}}) : refused(wish.error().message);
+    const Expected<uint32_t> number = orders.checkpoint();
+    return number ? line_of({{"ok", true}, {"asked", *number}}) : refused(number.error().message);
   }
   if (order == "drain") {
     if (!json.contains("host") || !json["host"].is_string() ||

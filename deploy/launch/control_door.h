@@ -31,7 +31,7 @@ struct DoorOrders {
   std::function<std::string()> status = nullptr;  ///< a JSON object on one line
   std::function<Status()> pause = nullptr, resume = nullptr, stop = nullptr;
   std::function<Expected<uint32_t>()> checkpoint =
-      nullptr;  ///< gives the wish's number: done when `checkpoint.done` reaches it
+      nullptr;  ///< gives the request's number: done when `checkpoint.done` reaches it
   std::function<Status(const std::string& host)> drain = nullptr;
 };
 

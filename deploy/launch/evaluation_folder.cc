@@ -7,31 +7,23 @@
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/files.h"
-#include "rollout_buffer/core/take_number.h"
+#include "rollout_buffer/metrics/learner_messages.h"
 
 namespace comrad::deploy {
-namespace {
 
 namespace fs = std::filesystem;
 
-}  // namespace
-
-std::optional<Snapshot> parse_snapshot_name(std::string_view name) {
-  Snapshot snapshot;
-  if (take_number(name, "evaluate_", snapshot.version) && take_number(name, "_", snapshot.env_frames) &&
-      take_number(name, "_", snapshot.train_seconds) && name == ".pt")
-    return snapshot;
-  return std::nullopt;
-}
-
 std::vector<Snapshot> RunEvaluationFolder::snapshots() {
+  const std::string folder = run_dir_ + "/checkpoint";
   std::vector<Snapshot> found;
-  std::error_code failed;
-  for (const fs::directory_entry& entry : fs::directory_iterator(run_dir_ + "/checkpoint", failed)) {
-    std::optional<Snapshot> snapshot = parse_snapshot_name(entry.path().filename().string());
-    if (!snapshot) continue;
-    snapshot->path = entry.path().string();
-    found.push_back(std::move(*snapshot));
+  for (const RequestedEvaluation& request : requested_evaluations(folder)) {
+    const std::string path = folder + "/" + request.file;
+    std::error_code failed;
+    if (fs::exists(path, failed))
+      found.push_back({.path = path,
+                       .version = request.version,
+                       .env_frames = request.env_frames,
+                       .train_seconds = request.train_seconds});
   }
   return found;
 }

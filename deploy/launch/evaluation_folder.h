@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "deploy/process/process_start.h"
@@ -21,9 +20,6 @@ struct Snapshot {
   uint64_t env_frames = 0;
   uint64_t train_seconds = 0;
 };
-
-/// Reads the numbers of `evaluate_<version>_<env frames>_<seconds>.pt`; nothing for any other name.
-std::optional<Snapshot> parse_snapshot_name(std::string_view name);
 
 /// The metric that every evaluation writes.
 constexpr const char* kScoreKey = "eval/J";
@@ -47,7 +43,7 @@ class EvaluationFolder {
   virtual void clear_scratch() = 0;
 };
 
-/// `<run_dir>/checkpoint`, metrics.jsonl and event files in `<run_dir>/eval`; `<run_dir>/.evaluation` is the scratch.
+/// What the learner requests in `<run_dir>/checkpoint` (rollout_buffer/metrics/learner_messages.h), metrics.jsonl and event files in `<run_dir>/eval`; `<run_dir>/.evaluation` is the scratch.
 class RunEvaluationFolder final : public EvaluationFolder {
  public:
   explicit RunEvaluationFolder(std::string run_dir) : run_dir_(std::move(run_dir)) {}

@@ -1,10 +1,11 @@
 // Evaluations beside a run that trains. The learner saves a checkpoint whenever another eval_every_env_frames are
 // passed; `comrad eval --background` plays it, in processes and shared memory of its own, while the run goes on:
 //
-//   learner ── checkpoint/evaluate_<version>_<env frames>_<seconds>.pt ──▶ comrad eval ── one JSON object ──▶ Evaluator
+//   learner ── a line of checkpoint/evaluations.jsonl, then the .pt that it names ──▶ Evaluator
+//   Evaluator ── the .pt ──▶ comrad eval ── one JSON object ──▶ Evaluator
 //   Evaluator ── eval/J ... ──▶ metrics.jsonl and eval/events.out.tfevents.*; the checkpoint is deleted
 //
-// The folder is the queue: what a killed run had not played lies there when it is resumed, and what stands in
+// Requests whose checkpoint exists wait: what a killed run had not played lies there when it is resumed, and what stands in
 // metrics.jsonl is not played again. Stage: beside the flow of frames.
 #pragma once
 

@@ -270,9 +270,9 @@ Status Supervision::resume() {
 
 Expected<uint32_t> Supervision::ask_for_checkpoint(const std::string& who) {
   if (!is_at_work()) COMRAD_TRY(check_at_work(RunEvent::kPause));
-  const uint32_t wish = effects_.arena().control().checkpoint_seq.fetch_add(1) + 1;
+  const uint32_t request = effects_.arena().control().checkpoint_seq.fetch_add(1) + 1;
   effects_.note(who + ": a checkpoint is saved after this optimizer step");
-  return wish;
+  return request;
 }
 
 void Supervision::interrupt(int signal) {

@@ -47,7 +47,7 @@ class Supervision {
   // What the user asks for. Errors: kBadInput, in words, where the run cannot do it now.
   Status pause();
   Status resume();
-  /// The wish's number: done when `checkpoint_done` of the control block reaches it.
+  /// The request's number: done when `checkpoint_done` of the control block reaches it.
   Expected<uint32_t> ask_for_checkpoint(const std::string& who);
   /// SIGINT, SIGTERM or SIGHUP. The last evaluations are not waited for then; a second SIGINT kills, unless it is
   /// the first one once more (kSameInterruptS).

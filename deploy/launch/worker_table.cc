@@ -12,6 +12,7 @@
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/metrics/learner_messages.h"
 
 namespace comrad::deploy {
 namespace {
@@ -47,13 +48,6 @@ std::string last_log_line(const std::string& path) {
   while (!tail.empty() && (tail.back() == '\n' || tail.back() == '\r')) tail.pop_back();
   const std::size_t line = tail.rfind('\n');
   return line == std::string::npos ? tail : tail.substr(line + 1);
-}
-
-/// The words of a log line that a worker means for the user, from "warning: " or "note: " on; empty for any other line.
-std::string words_for_user(const std::string& line) {
-  for (const char* kind : {": warning: ", ": note: "})
-    if (const std::size_t at = line.find(kind); at != std::string::npos) return line.substr(at + 2);
-  return "";
 }
 
 }  // namespace
@@ -242,9 +236,11 @@ void WorkerTable::read_output(ProgressPrinter& printer) {
   for (Worker& worker : workers_) {
     if (!worker.process) continue;
     for (const std::string& line : worker.process->read_lines()) {
-      worker.last_line = line;
-      spdlog::info("{} says: {}", worker.name, line);
-      if (const std::string words = words_for_user(line); !words.empty()) {
+      const std::optional<UserMessage> message = parse_user_message(line);
+      const std::string words = message ? message->words() : line;
+      worker.last_line = words;
+      spdlog::info("{} says: {}", worker.name, words);
+      if (message) {
         // A restarted worker says it again, with other numbers.
         std::string kind = words;
         std::erase_if(kind, [](char letter) { return letter == '.' || (letter >= '0' && letter <= '9'); });
@@ -272,7 +268,10 @@ std::vector<std::pair<Worker*, ExitStatus>> WorkerTable::reap_exited(bool is_sto
       worker.process->send_signal(SIGKILL);
     }
     if (const std::optional<ExitStatus>& how = worker.process->poll_exit()) {
-      for (const std::string& line : worker.process->read_lines()) worker.last_line = line;
+      for (const std::string& line : worker.process->read_lines()) {
+        const std::optional<UserMessage> message = parse_user_message(line);
+        worker.last_line = message ? message->words() : line;
+      }
       exited.emplace_back(&worker, *how);
       forget_process(worker);
       worker.has_joined = false;

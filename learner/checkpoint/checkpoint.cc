@@ -308,20 +308,23 @@ Status CheckpointStore::prepare_folder() {
   return {};
 }
 
-Expected<std::string> CheckpointStore::save_beside(const StateDict& state, const std::string& name,
-                                                   uint64_t version, uint64_t env_frames,
-                                                   const std::string& more) {
-  COMRAD_TRY(prepare_folder());
+std::string checkpoint_file_name(const std::string& name, uint64_t version, uint64_t env_frames) {
   char numbers[64];
-  std::snprintf(numbers, sizeof(numbers), "_%09llu_%llu", static_cast<unsigned long long>(version),
+  std::snprintf(numbers, sizeof(numbers), "_%09llu_%llu.pt", static_cast<unsigned long long>(version),
                 static_cast<unsigned long long>(env_frames));
-  std::string path = folder_ + "/" + name + numbers + more + ".pt";
+  return name + numbers;
+}
+
+Expected<std::string> CheckpointStore::save_beside(const StateDict& state, const std::string& file) {
+  COMRAD_TRY(prepare_folder());
+  std::string path = folder_ + "/" + file;
   COMRAD_TRY(write_checkpoint(path, state));
   return path;
 }
 
 Expected<std::string> CheckpointStore::save(const StateDict& state, uint64_t version, uint64_t env_frames) {
-  COMRAD_TRY_ASSIGN(std::string path, save_beside(state, "checkpoint", version, env_frames));
+  COMRAD_TRY_ASSIGN(std::string path,
+                    save_beside(state, checkpoint_file_name("checkpoint", version, env_frames)));
   const std::vector<CheckpointFile> files = list();
   for (std::size_t i = static_cast<std::size_t>(keep_); i < files.size(); ++i) {
     std::error_code ignored;

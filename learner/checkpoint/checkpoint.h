@@ -64,6 +64,9 @@ struct CheckpointFile {
   uint64_t env_frames = 0;
 };
 
+/// "<name>_<version>_<env_frames>.pt".
+std::string checkpoint_file_name(const std::string& name, uint64_t version, uint64_t env_frames);
+
 /// The checkpoints of one run: <run_dir>/checkpoint/checkpoint_<version>_<env_frames>.pt and best_<J>.pt.
 class CheckpointStore {
  public:
@@ -73,10 +76,8 @@ class CheckpointStore {
 
   /// Returns the path. Errors: as write_checkpoint.
   Expected<std::string> save(const StateDict& state, uint64_t version, uint64_t env_frames);
-  /// Writes <name>_<version>_<env_frames><more>.pt, which no later save() deletes. Returns the path.
-  /// Errors: as write_checkpoint.
-  Expected<std::string> save_beside(const StateDict& state, const std::string& name, uint64_t version,
-                                    uint64_t env_frames, const std::string& more = "");
+  /// Writes a checkpoint of that file name, which no later save() deletes. Returns the path. Errors: as write_checkpoint.
+  Expected<std::string> save_beside(const StateDict& state, const std::string& file);
   /// Replaces the best checkpoint. Returns the path. Errors: as write_checkpoint.
   Expected<std::string> save_best(const StateDict& state, double score);
 

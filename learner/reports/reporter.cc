@@ -9,6 +9,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/metrics/learner_messages.h"
 
 namespace comrad::learn {
 namespace {
@@ -183,12 +184,11 @@ void Reporter::write_metrics() {
   if (!written) spdlog::error("metrics: {}", written.error().message);
 }
 
-/// The supervisor reads warnings from standard error; those that begin with this word it shows the user as they
-/// are (deploy/launch/worker_table.cc).
 void Reporter::warn(const std::vector<std::string>& findings) {
   for (const std::string& finding : findings) {
-    last_warning_ = "warning: " + finding;
-    spdlog::warn("{}", last_warning_);
+    const UserMessage warning = {UserMessage::Kind::kWarning, finding};
+    last_warning_ = warning.words();
+    tell_user(warning);
   }
 }
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 
 #include "learner/algorithms/q_learning.h"
@@ -15,6 +14,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/core/stage_clock.h"
+#include "rollout_buffer/metrics/learner_messages.h"
 #include "rollout_buffer/replay/replay_plan.h"
 #include "rollout_buffer/settings/drawn_batch.h"
 #include "rollout_buffer/shm/futex.h"
@@ -37,13 +37,6 @@ replay::Unit unit_of(DrawnBatch::Unit drawn) {
       return replay::Unit::kAgentStep;
   }
   return replay::Unit::kSequence;
-}
-
-/// Into the log, and onto standard error as a line that the supervisor shows the user
-/// (deploy/launch/worker_table.cc).
-void note(const std::string& words) {
-  spdlog::info("{}", words);
-  std::fprintf(stderr, "learner: note: %s\n", words.c_str());
 }
 
 /// Learners go by what the first one found free on their host.
@@ -113,8 +106,10 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
            .omega = config.replay.per_omega}));
   const int64_t capacity = learners * replay->capacity_transitions();
   if (all.is_leader())
-    note(plan.words() +
-         (all.is_alone() ? "" : "; each of " + std::to_string(learners) + " learners holds a part of it"));
+    tell_user(
+        {UserMessage::Kind::kNote, plan.words() + (all.is_alone() ? ""
+                                                                  : "; each of " + std::to_string(learners) +
+                                                                        " learners holds a part of it")});
   const int64_t samples = drawn.units * (unit == replay::Unit::kSequence ? config.collection.rollout * agents
                                          : unit == replay::Unit::kJointStep ? agents
                                                                             : 1);

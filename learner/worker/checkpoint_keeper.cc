@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <utility>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/metrics/learner_messages.h"
 
 namespace comrad::learn {
 namespace {
@@ -19,6 +21,8 @@ constexpr const char* kBestScoreKey = "counters/best_score";
 
 /// The last episodes, f64 [n, EpisodeWindow::kFields]; n is stats_avg at most.
 constexpr const char* kEpisodesKey = "episodes/window";
+
+void warn(std::string text) { tell_user({UserMessage::Kind::kWarning, std::move(text)}); }
 
 /// The replay that belongs to a checkpoint, beside it.
 std::string replay_file_name(uint64_t version, uint64_t env_frames) {
@@ -118,17 +122,20 @@ Status CheckpointKeeper::save(PolicyVersion version) {
   const Expected<std::string> path = write_both();
   last_save_s_ = monotonic_s();
   if (const double took_s = last_save_s_ - began_s;
-      took_s > kLongSaveS && took_s > kLongSaveShare * config_.run.save_every_sec)
-    spdlog::warn(
-        "warning: writing a checkpoint took {:.1f} s, in which nothing was learned; is the disk slow? A "
-        "longer "
-        "--save_every_sec than {:.0f} asks for fewer",
+      took_s > kLongSaveS && took_s > kLongSaveShare * config_.run.save_every_sec) {
+    char text[200];
+    std::snprintf(
+        text, sizeof text,
+        "writing a checkpoint took %.1f s, in which nothing was learned; is the disk slow? A longer "
+        "--save_every_sec than %.0f asks for fewer",
         took_s, config_.run.save_every_sec);
+    warn(text);
+  }
   if (!path) {
     ++failures_;
     // Shown to the user once in a run (deploy/launch/worker_table.cc); the log has every one.
-    spdlog::warn("warning: no checkpoint was written: {}; {}", path.error().message,
-                 last_path_.empty() ? "the run has none yet" : "the last good one stays: " + last_path_);
+    warn("no checkpoint was written: " + path.error().message + "; " +
+         (last_path_.empty() ? "the run has none yet" : "the last good one stays: " + last_path_));
     return path.error();
   }
   settled_version_ = version;
@@ -155,25 +162,35 @@ void CheckpointKeeper::prune_replays() const {
   }
 }
 
-void CheckpointKeeper::save_beside(const std::string& name, PolicyVersion version, const std::string& more) {
-  const Expected<std::string> path =
-      store_.save_beside(contents_.state(), name, version, totals_.env_frames, more);
+void CheckpointKeeper::save_beside(const std::string& file) {
+  const Expected<std::string> path = store_.save_beside(contents_.state(), file);
   if (path)
     spdlog::info("saved {}", *path);
   else
-    spdlog::error("{}: {}", name, path.error().message);
+    spdlog::error("{}: {}", file, path.error().message);
 }
 
-void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t wish) {
+void CheckpointKeeper::save_to_evaluate(PolicyVersion version) {
+  const RequestedEvaluation request = {
+      .file = checkpoint_file_name("evaluate", version, totals_.env_frames),
+      .version = version,
+      .env_frames = totals_.env_frames,
+      .train_seconds = static_cast<uint64_t>(std::llround(totals_.train_seconds()))};
+  if (const Status requested = request_evaluation(folder_, request); !requested)
+    return spdlog::error("{}: {}", request.file, requested.error().message);
+  save_beside(request.file);
+}
+
+void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t request) {
   const double now_s = monotonic_s();
   const double env_frames = static_cast<double>(totals_.env_frames), seconds = totals_.train_seconds();
   // Before the periodic one: a run that goes on from there has these already.
   const bool is_milestone = milestone_seconds_.pass(seconds);
-  if (milestone_frames_.pass(env_frames) || is_milestone) save_beside("milestone", version);
-  if (evaluation_frames_.pass(env_frames))
-    save_beside("evaluate", version, "_" + std::to_string(std::llround(seconds)));
+  if (milestone_frames_.pass(env_frames) || is_milestone)
+    save_beside(checkpoint_file_name("milestone", version, totals_.env_frames));
+  if (evaluation_frames_.pass(env_frames)) save_to_evaluate(version);
   if (last_save_s_ == 0) last_save_s_ = last_best_look_s_ = now_s;
-  const bool is_wanted = std::exchange(wish_done_, wish) != wish;
+  const bool is_wanted = std::exchange(request_done_, request) != request;
   if (is_wanted || (now_s - last_save_s_ >= config_.run.save_every_sec && !is_settled(version)))
     (void)save(version);  // it is in the log; the last one, at the end, decides about the exit code
   if (now_s - last_best_look_s_ >= config_.run.save_best_every_sec) {

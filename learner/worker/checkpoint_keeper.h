@@ -67,11 +67,11 @@ class CheckpointKeeper {
 
   /// Writes a periodic checkpoint. Errors: those of CheckpointStore::save and of the replay; they are logged, too.
   Status save(PolicyVersion version);
-  /// Does so when save_every_sec are over, or the supervisor's `wish` has grown; and writes a best checkpoint when
+  /// Does so when save_every_sec are over, or the supervisor's `request` has grown; and writes a best checkpoint when
   /// the mean score of a full window of episodes grew; and those that lie beside them, where it is time: milestones,
-  /// which stay, and what the supervisor evaluates and then deletes (deploy/launch/evaluator.h). A full disk costs
+  /// which stay, and what the supervisor is requested to evaluate and then deletes (deploy/launch/evaluator.h). A full disk costs
   /// this checkpoint, not the run.
-  void save_if_due(PolicyVersion version, uint32_t wish);
+  void save_if_due(PolicyVersion version, uint32_t request);
 
   /// Whether `version` needs no checkpoint: it lies in one, or none is to be made of it.
   bool is_settled(PolicyVersion version) const { return version == settled_version_; }
@@ -86,7 +86,9 @@ class CheckpointKeeper {
   Status restore_episodes(const Found& found);
   void save_if_best();
   /// Without a replay. What went wrong is logged.
-  void save_beside(const std::string& name, PolicyVersion version, const std::string& more = "");
+  void save_beside(const std::string& file);
+  /// Requests the evaluation of a checkpoint, then writes it.
+  void save_to_evaluate(PolicyVersion version);
   /// Removes replays of checkpoints that are no longer kept.
   void prune_replays() const;
 
@@ -98,7 +100,7 @@ class CheckpointKeeper {
   CheckpointContents contents_;
   std::string last_path_;
   PolicyVersion settled_version_ = 0;
-  uint32_t wish_done_ = 0, failures_ = 0;
+  uint32_t request_done_ = 0, failures_ = 0;
   double last_save_s_ = 0, last_best_look_s_ = 0;
   std::optional<double> best_score_;
   Milestones milestone_seconds_, milestone_frames_, evaluation_frames_;

@@ -424,12 +424,12 @@ StateDict Learner::state() const {
 
 void Learner::save_if_due() {
   shm::ControlBlock& control = arena_.control();
-  const uint32_t wish = control.checkpoint_seq.load();
-  checkpoints_.save_if_due(algorithm_->version(), wish);
+  const uint32_t request = control.checkpoint_seq.load();
+  checkpoints_.save_if_due(algorithm_->version(), request);
   control.checkpoints_failed = failed_before_ + checkpoints_.failures();
-  if (control.checkpoint_done.load() == wish) return;
+  if (control.checkpoint_done.load() == request) return;
   reporter_.publish_stats();  // with the file's name, before the answer
-  control.checkpoint_done = wish;
+  control.checkpoint_done = request;
 }
 
 void Learner::note_saved() {

@@ -327,8 +327,14 @@ TEST(EvaluationWhileTraining, EveryPointOnceAndTheLastOneToo) {
   EXPECT_FALSE(fs::exists(run + "/.evaluation"));
 
   // Resumed: the points behind it are not played again; a damaged checkpoint costs its evaluation alone.
-  std::ofstream(run + "/checkpoint/evaluate_000000001_4100_1.pt") << "an old one";
-  std::ofstream(run + "/checkpoint/evaluate_000000009_9000_1.pt") << "no checkpoint";
+  const auto request = [&](const std::string& file, int env_frames, const char* bytes) {
+    std::ofstream(run + "/checkpoint/evaluations.jsonl", std::ios::app)
+        << nlohmann::json{{"file", file}, {"version", 1}, {"env_frames", env_frames}, {"train_seconds", 1}}
+        << "\n";
+    std::ofstream(run + "/checkpoint/" + file) << bytes;
+  };
+  request("evaluate_1.pt", 4100, "an old one");
+  request("evaluate_9.pt", 9000, "no checkpoint");
   const Ending second = RunningProgram(evaluated_training(scratch, 12288)).wait(kBackgroundSeconds);
   ASSERT_EQ(second.exit_code, 0) << second.err;
   EXPECT_THAT(second.err,

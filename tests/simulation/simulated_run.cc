@@ -206,8 +206,8 @@ Status SimulatedRun::apply(const Step& step) {
         text_of(step, setting_) + (granted ? " is granted" : " is refused: " + granted.error().message));
   };
   const auto checkpoint = [this]() -> Status {
-    const Expected<uint32_t> wish = supervision_.ask_for_checkpoint("a user");
-    return wish ? Status() : Status(wish.error());
+    const Expected<uint32_t> request = supervision_.ask_for_checkpoint("a user");
+    return request ? Status() : Status(request.error());
   };
   switch (step.verb) {
     case Verb::kWait:

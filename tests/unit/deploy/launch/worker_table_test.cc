@@ -12,6 +12,7 @@
 
 #include "deploy/launch/run_report.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/metrics/learner_messages.h"
 #include "tests/simulation/simulated_host.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/small_arena.h"
@@ -156,12 +157,19 @@ TEST_F(WorkerTableTest, ALearnersWorkIsWhatItCountsBeyondItsCheckpoint) {
 
 TEST_F(WorkerTableTest, WhatAWorkerPrintsIsShownTwentyLinesAMinuteAndAWarningOnce) {
   EXPECT_EQ(shown([&](ProgressPrinter& printer) {
-              body(3).lines = {"2026-11-22T10:00:00.000 W learner: warning: 31% of the samples are old"};
+              body(3).lines = {to_line({UserMessage::Kind::kWarning, "31% of the samples are old"})};
               table_->read_output(printer);
-              body(3).lines = {"2026-11-22T10:00:01.000 W learner: warning: 32% of the samples are old"};
+              body(3).lines = {to_line({UserMessage::Kind::kWarning, "32% of the samples are old"})};
               table_->read_output(printer);
             }),
             "warning: 31% of the samples are old\n");
+  EXPECT_EQ(table_->last_words(table_->workers()[3]), "warning: 32% of the samples are old");
+  // Words in a log are no message.
+  EXPECT_EQ(shown([&](ProgressPrinter& printer) {
+              body(3).lines = {"2026-11-22T10:00:02.000 W learner: warning: 33%"};
+              table_->read_output(printer);
+            }),
+            "learner: 2026-11-22T10:00:02.000 W learner: warning: 33%\n");
   const std::string many = shown([&](ProgressPrinter& printer) {
     for (int line = 1; line <= 30; ++line) body(0).lines.push_back("line " + std::to_string(line));
     table_->read_output(printer);

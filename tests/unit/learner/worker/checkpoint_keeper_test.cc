@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "rollout_buffer/metrics/learner_messages.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
@@ -64,7 +65,7 @@ TEST_F(CheckpointKeeperTest, MilestonesStayBesideTheLastOnes) {
   CheckpointKeeper made = keeper();
   for (uint64_t version = 1; version <= 5; ++version) {
     totals_.env_frames = 600 * version;
-    made.save_if_due(version, /*wish=*/static_cast<uint32_t>(version));  // a periodic one each time
+    made.save_if_due(version, /*request=*/static_cast<uint32_t>(version));  // a periodic one each time
   }
   EXPECT_THAT(saved("checkpoint_"), ElementsAre("checkpoint_000000005_3000.pt"));
   EXPECT_THAT(saved("milestone_"), ElementsAre("milestone_000000002_1200.pt", "milestone_000000004_2400.pt",
@@ -93,8 +94,13 @@ TEST_F(CheckpointKeeperTest, WhatIsToBeEvaluatedIsSavedOnceAPoint) {
       totals_.env_frames = 600 * version;
       made.save_if_due(version, 0);
     }
-    EXPECT_THAT(saved("evaluate_"),
-                ElementsAre("evaluate_000000002_1200_50.pt", "evaluate_000000004_2400_50.pt"));
+    EXPECT_THAT(saved("evaluate_"), ElementsAre("evaluate_000000002_1200.pt", "evaluate_000000004_2400.pt"));
+    const std::vector<RequestedEvaluation> requests = requested_evaluations(made.folder());
+    ASSERT_EQ(requests.size(), 2u);
+    EXPECT_EQ(requests[1].file, "evaluate_000000004_2400.pt");
+    EXPECT_EQ(requests[1].version, 4u);
+    EXPECT_EQ(requests[1].env_frames, 2400u);
+    EXPECT_EQ(requests[1].train_seconds, 50u);
   }
   // The run is resumed where it stood: the points behind it are not saved again.
   CheckpointKeeper made = keeper();
