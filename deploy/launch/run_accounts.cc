@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/shm/accounts.h"
 
 namespace comrad::deploy {
 
@@ -39,7 +40,7 @@ void RunAccounts::use(const shm::Arena* arena, uint64_t trained) {
 
 uint64_t RunAccounts::learner_ended(uint64_t trained) {
   if (arena_ == nullptr) return 0;
-  const uint64_t taken = arena_->decision_counts().taken;
+  const uint64_t taken = arena_->accounts().counts().taken;
   const uint64_t known = trained - trained_before_ + lost_with_learners_;
   if (known > taken) {
     fault_ = "the accounts do not add up: the learner counted " + std::to_string(known) +
@@ -62,7 +63,7 @@ DecisionAccounts RunAccounts::read(uint64_t trained) const {
   DecisionAccounts accounts = sums_;
   accounts.trained = trained;
   if (arena_ == nullptr) return accounts;
-  const shm::DecisionCounts counts = arena_->decision_counts();
+  const shm::DecisionCounts counts = arena_->accounts().counts();
   accounts.made += counts.made;
   accounts.lost_with_simulators += counts.lost;
   accounts.lost_with_learners += lost_with_learners_;

@@ -11,6 +11,8 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::deploy {
 namespace {
@@ -67,9 +69,11 @@ void RunHub::set_run_state(shm::RunState state) {
   for (shm::Doorbell* bell : {&control.slab_sealed, &control.slab_released, &control.weights_published})
     shm::ring(*bell);
   const shm::ArenaShape& shape = arena_->shape();
-  for (int policy = 0; policy < shape.policy_worker_count; ++policy) shm::ring(arena_->slots_ready(policy));
+  for (int policy = 0; policy < shape.policy_worker_count; ++policy)
+    shm::ring(arena_->step_slots().ready(policy));
   for (int sim = 0; sim < shape.sim_worker_count; ++sim)
-    for (int split = 0; split < shape.splits_per_worker; ++split) shm::ring(arena_->slots_acted(sim, split));
+    for (int split = 0; split < shape.splits_per_worker; ++split)
+      shm::ring(arena_->step_slots().acted(sim, split));
 }
 
 void RunHub::note(const std::string& text) {
@@ -79,7 +83,7 @@ void RunHub::note(const std::string& text) {
 
 void RunHub::drain_episodes(RunMeter& meter) {
   const auto agents = static_cast<std::size_t>(arena_->shape().trajectory.env.num_agents);
-  while (const std::optional<shm::EpisodeRecord> record = arena_->pop_episode()) {
+  while (const std::optional<shm::EpisodeRecord> record = arena_->episodes().pop()) {
     dds::EpisodeResult result{
         .scenario = plan_.config.run.scenario,
         .layout_id = record->layout_id,
@@ -94,11 +98,11 @@ void RunHub::drain_episodes(RunMeter& meter) {
         .length_tics = record->length_tics,
         .terminated = record->terminated != 0,
     };
-    if (plan_.drains()) arena_->forward_episode(*record);
+    if (plan_.drains()) arena_->episodes().forward(*record);
     tell(result);
     if (result.episode_id < plan_.episodes) meter.add(std::move(result));
   }
-  if (const uint64_t dropped = arena_->episodes_dropped(); dropped > episodes_dropped_) {
+  if (const uint64_t dropped = arena_->episodes().dropped(); dropped > episodes_dropped_) {
     episodes_dropped_ = dropped;
     note(std::to_string(dropped) + " episode records were lost: the supervisor was held up");
   }

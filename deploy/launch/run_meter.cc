@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "deploy/launch/progress.h"
+#include "rollout_buffer/shm/learner_report.h"
 
 namespace comrad::deploy {
 
@@ -64,7 +65,7 @@ void RunMeter::close() {
 
 std::optional<dds::TrainStats> RunMeter::take_report() {
   if (arena_ == nullptr) return std::nullopt;
-  const std::optional<shm::LearnerReport> report = arena_->read_report(report_sequence_);
+  const std::optional<shm::LearnerReport> report = arena_->learner_reports().read(report_sequence_);
   if (!report) return std::nullopt;
   last_stats_ = {.time_s = report->time_s,
                  .env_frames = report->env_frames,

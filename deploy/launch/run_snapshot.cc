@@ -9,6 +9,7 @@
 
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/shm/accounts.h"
 
 namespace comrad::deploy {
 namespace {
@@ -103,9 +104,9 @@ RunSnapshot SnapshotTaker::take(const shm::Arena& arena, const RunStatus& status
   run.lag_max = stats.policy_lag_max;
   run.episodes = stats.episodes;
   run.replay_filled = meter_.replay_filled();
-  run.slabs = arena.slab_counts();
+  run.slabs = arena.slabs().counts();
   run.accounts = meter_.accounts();
-  const shm::DecisionCounts counts = arena.decision_counts();
+  const shm::DecisionCounts counts = arena.accounts().counts();
   const uint64_t filling =
       counts.made - counts.sealed > counts.lost ? counts.made - counts.sealed - counts.lost : 0;
   run.decisions_waiting = run.accounts.waiting > filling ? run.accounts.waiting - filling : 0;

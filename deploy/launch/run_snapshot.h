@@ -14,6 +14,7 @@
 #include "deploy/launch/run_meter.h"
 #include "deploy/launch/worker_table.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::deploy {
 

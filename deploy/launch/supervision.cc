@@ -9,7 +9,6 @@
 
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
-#include "rollout_buffer/link/delivery_account.h"
 
 namespace comrad::deploy {
 
@@ -161,7 +160,7 @@ void Supervision::count_work() {
 void Supervision::complete_when_done() {
   if (!is_at_work()) return;
   if (meter_.measure(clock_.now_s())) return stop(StopReason::kFinished, "measured");
-  if (plan_.feeds() && effects_.arena().control().goal_reached.load() == link::kAskedToLeave)
+  if (plan_.feeds() && effects_.arena().control().leave_requested.load() != 0)
     return stop(StopReason::kFinished, "this host was asked to leave (comrad ctl drain)");
   if (plan_.episodes > 0 && meter_.episodes().size() >= plan_.episodes)
     stop(StopReason::kFinished, "finished");

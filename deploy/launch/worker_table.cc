@@ -13,6 +13,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/metrics/learner_messages.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::deploy {
 namespace {
@@ -347,7 +348,7 @@ bool has_worked(const Worker& worker, const shm::Arena& arena) {
 std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& arena) {
   switch (worker.role) {
     case Role::kSim:
-      if (!arena.withdraw_requests(worker.index)) return std::nullopt;
+      if (!arena.step_slots().withdraw(worker.index)) return std::nullopt;
       return arena.reclaim_sim_worker(worker.index);
     case Role::kPolicy:
       arena.reclaim_policy_worker(worker.index);

@@ -10,7 +10,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/metrics/metrics_file.h"
-#include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/episode_stream.h"
 
 namespace comrad::learn {
 

@@ -10,6 +10,9 @@
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/metrics/learner_messages.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/learner_report.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::learn {
 namespace {
@@ -62,7 +65,7 @@ void Reporter::updated(const UpdateStats& stats) {
 }
 
 void Reporter::hear_episodes() {
-  while (const std::optional<shm::EpisodeRecord> episode = arena_.pop_forwarded_episode())
+  while (const std::optional<shm::EpisodeRecord> episode = arena_.episodes().pop_forwarded())
     episodes_.add(*episode, arena_.shape().trajectory.env.num_agents);
 }
 
@@ -98,7 +101,7 @@ void Reporter::publish_stats() {
   report.policy_lag_max = static_cast<uint32_t>(lag_.max);
   if (const ReplayFeed* feed = source_->feed()) report.replay_filled = feed->filled();
   last_checkpoint_.copy(report.last_checkpoint, shm::kCheckpointPathBytes - 1);
-  arena_.publish_report(report);
+  arena_.learner_reports().publish(report);
 }
 
 void Reporter::append_replay(MetricValues& values, const ReplayFeed& feed) const {
@@ -171,7 +174,7 @@ void Reporter::write_metrics() {
   append_inference(values);
   values.emplace_back("stats/memory_learner", resident_megabytes());
   values.emplace_back("stats/batches_waiting", source_->waiting());
-  values.emplace_back("stats/slabs_sealed", arena_.sealed_count());
+  values.emplace_back("stats/slabs_sealed", arena_.slabs().sealed_count());
   values.emplace_back("stats/episodes", static_cast<double>(episodes_.episodes()));
   if (layouts_ != nullptr) layouts_->append_to(values);
   values.emplace_back("stats/broken_decisions", static_cast<double>(source_->broken_decisions()));

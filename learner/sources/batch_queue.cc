@@ -9,6 +9,7 @@
 #include "learner/sources/stop_signal.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::learn {
 
@@ -104,11 +105,12 @@ bool BatchQueue::collect(RolloutBatch& batch) {
   while (!stop_) {
     shm::Doorbell& sealed = arena_.control().slab_sealed;
     const uint32_t heard = shm::listen(sealed);
-    const std::vector<uint32_t> slabs = arena_.drain_slabs(static_cast<int>(slabs_per_batch_ - position));
+    const std::vector<uint32_t> slabs = arena_.slabs().drain(static_cast<int>(slabs_per_batch_ - position));
     for (const uint32_t index : slabs) {
-      broken_ += static_cast<uint64_t>(collate_slab(batch, position++, arena_.slab(static_cast<int>(index)),
-                                                    arena_.slab_header(static_cast<int>(index)).length));
-      arena_.release_slab(index);
+      broken_ +=
+          static_cast<uint64_t>(collate_slab(batch, position++, arena_.slabs().view(static_cast<int>(index)),
+                                             arena_.slabs().header(static_cast<int>(index)).length));
+      arena_.slabs().release(index);
     }
     stage.end(Stage::kCollate);
     if (position == slabs_per_batch_) return true;

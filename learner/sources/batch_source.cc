@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::learn {
 namespace {
@@ -194,7 +195,7 @@ Expected<bool> LockStepSource::drain() {
 }
 
 Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>& slab_of) {
-  const shm::SlabHeader& header = options_.arena.slab_header(static_cast<int>(slab));
+  const shm::SlabHeader& header = options_.arena.slabs().header(static_cast<int>(slab));
   const auto place = static_cast<std::size_t>(share_.place_of(header.env_index));
   if (place < slab_of.size() && header.rollout_index == next_rollout_ && !slab_of[place]) {
     slab_of[place] = slab;
@@ -223,7 +224,7 @@ Expected<bool> LockStepSource::collect() {
       const WaitClock clock(options_);
       shm::Doorbell& sealed = arena.control().slab_sealed;
       const uint32_t heard = shm::listen(sealed);
-      const std::vector<uint32_t> drained = arena.drain_slabs(static_cast<int>(missing), share_);
+      const std::vector<uint32_t> drained = arena.slabs().drain(static_cast<int>(missing), share_);
       slabs_.insert(slabs_.end(), drained.begin(), drained.end());
       for (const uint32_t slab : drained)
         if (const Status taken = take(slab, slab_of); !taken) {
@@ -286,8 +287,8 @@ std::unique_ptr<RolloutBatch> LockStepSource::collate_next() {
   }
   for (int64_t i = 0; i < count; ++i, ++used_) {
     const int slab = static_cast<int>(slabs_[used_]);
-    broken_decisions_ +=
-        static_cast<uint64_t>(collate_slab(*batch, i, arena.slab(slab), arena.slab_header(slab).length));
+    broken_decisions_ += static_cast<uint64_t>(
+        collate_slab(*batch, i, arena.slabs().view(slab), arena.slabs().header(slab).length));
   }
   return batch;
 }
@@ -310,7 +311,7 @@ void LockStepSource::open_rollout(bool goes_on) {
 }
 
 void LockStepSource::release_slabs() {
-  for (const uint32_t slab : slabs_) options_.arena.release_slab(slab);
+  for (const uint32_t slab : slabs_) options_.arena.slabs().release(slab);
   slabs_.clear();
   used_ = 0;
 }

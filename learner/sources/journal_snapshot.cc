@@ -8,6 +8,8 @@
 
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/shm/journal.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::learn {
 namespace {
@@ -15,7 +17,8 @@ namespace {
 constexpr int64_t kHeaderFields = 5;
 
 uint64_t next_rollout_of(const shm::Arena& arena, int env_index) {
-  return std::atomic_ref<uint64_t>(arena.journal(env_index).rollout_index).load(std::memory_order_acquire);
+  return std::atomic_ref<uint64_t>(arena.journals().header(env_index).rollout_index)
+      .load(std::memory_order_acquire);
 }
 
 }  // namespace
@@ -38,7 +41,7 @@ Expected<JournalSnapshot> JournalSnapshot::capture(const shm::Arena& arena, uint
       timespec pause{.tv_sec = 0, .tv_nsec = 200'000};
       nanosleep(&pause, nullptr);
     }
-    const shm::JournalHeader& journal = arena.journal(index);
+    const shm::JournalHeader& journal = arena.journals().header(index);
     if (static_cast<int64_t>(journal.length) > shape.journal_steps)
       return Error{ErrorCode::kUnsupported, "the journal of environment " + std::to_string(index) +
                                                 " overflowed (" + std::to_string(journal.length) +
@@ -48,11 +51,11 @@ Expected<JournalSnapshot> JournalSnapshot::capture(const shm::Arena& arena, uint
                                  journal.rollout_index, uint64_t{journal.length}})
       snapshot.header.push_back(static_cast<int64_t>(field));
     for (uint32_t step = 0; step < journal.length; ++step) {
-      const auto action = arena.journal_action(index, static_cast<int>(step));
+      const auto action = arena.journals().action(index, static_cast<int>(step));
       snapshot.action.insert(snapshot.action.end(), action.begin(), action.end());
     }
     for (const uint64_t parity : {0, 1}) {
-      const auto state = arena.recurrent(index, parity);
+      const auto state = arena.step_slots().recurrent(index, parity);
       snapshot.recurrent.insert(snapshot.recurrent.end(), state.begin(), state.end());
     }
   }
@@ -120,19 +123,19 @@ Status JournalSnapshot::restore(const shm::Arena& arena) const {
                                               " decisions; this run has room for " +
                                               std::to_string(shape.journal_steps)};
     const int env_index = static_cast<int>(index);
-    shm::JournalHeader& journal = arena.journal(env_index);
+    shm::JournalHeader& journal = arena.journals().header(env_index);
     journal.episode_seed = static_cast<uint64_t>(field[0]);
     journal.episode_id = static_cast<uint64_t>(field[1]);
     journal.step_id = static_cast<uint64_t>(field[2]);
     journal.rollout_index = static_cast<uint64_t>(field[3]);
     journal.length = static_cast<uint32_t>(length);
     for (int64_t step = 0; step < length; ++step) {
-      const auto target = arena.journal_action(env_index, static_cast<int>(step));
+      const auto target = arena.journals().action(env_index, static_cast<int>(step));
       std::copy_n(action.begin() + static_cast<std::ptrdiff_t>(read), action_bytes, target.begin());
       read += static_cast<std::size_t>(action_bytes);
     }
     for (int64_t parity = 0; parity < 2; ++parity) {
-      const auto state = arena.recurrent(env_index, static_cast<uint64_t>(parity));
+      const auto state = arena.step_slots().recurrent(env_index, static_cast<uint64_t>(parity));
       std::copy_n(recurrent.begin() + (index * 2 + parity) * state_floats, state_floats, state.begin());
     }
     journal.is_resume = 1;

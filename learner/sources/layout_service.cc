@@ -12,6 +12,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/shm/layout_mailbox.h"
 
 namespace comrad::learn {
 namespace {
@@ -193,29 +194,26 @@ void LayoutService::serve(const shm::Arena& arena) {
   const auto known = static_cast<uint32_t>(curriculum_->task_count());
   late_draws_ = 0;
   for (int env = 0; env < arena.shape().env_count(); ++env) {
-    shm::LayoutDesk& desk = arena.layout_desk(env);
-    const uint64_t reported = desk.reported.load(std::memory_order_acquire);
-    uint64_t heard = desk.heard.load(std::memory_order_relaxed);
-    if (reported - heard > shm::kDeskOutcomes) {  // the oldest ones were overwritten
-      lost_outcomes_ += reported - heard - shm::kDeskOutcomes;
-      heard = reported - shm::kDeskOutcomes;
+    shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
+    const uint64_t reported = mailbox.reported.load(std::memory_order_acquire);
+    uint64_t heard = mailbox.heard.load(std::memory_order_relaxed);
+    if (reported - heard > shm::kMailboxOutcomes) {  // the oldest ones were overwritten
+      lost_outcomes_ += reported - heard - shm::kMailboxOutcomes;
+      heard = reported - shm::kMailboxOutcomes;
     }
     for (; heard < reported; ++heard) {
       const shm::LayoutOutcome outcome =
-          shm::unpack_outcome(desk.outcome[heard % shm::kDeskOutcomes].load(std::memory_order_acquire));
+          shm::unpack_outcome(mailbox.outcome[heard % shm::kMailboxOutcomes].load(std::memory_order_acquire));
       if (outcome.layout_index < known && std::isfinite(outcome.score))
         curriculum_->update(static_cast<int>(outcome.layout_index), outcome.score);
     }
-    desk.heard.store(heard, std::memory_order_relaxed);
-    late_draws_ += desk.late.load(std::memory_order_relaxed);
+    mailbox.heard.store(heard, std::memory_order_relaxed);
+    late_draws_ += mailbox.late.load(std::memory_order_relaxed);
   }
-  // Outcomes first, grants then: all draws of one round see the same weights.
+  // Outcomes first, assignments then: all draws of one round see the same weights.
   for (int env = 0; env < arena.shape().env_count(); ++env) {
-    shm::LayoutDesk& desk = arena.layout_desk(env);
-    const uint32_t granted = desk.granted.load(std::memory_order_relaxed);
-    if (desk.taken.load(std::memory_order_acquire) != granted) continue;
-    desk.layout_index.store(static_cast<uint32_t>(curriculum_->draw()), std::memory_order_relaxed);
-    desk.granted.store(granted + 1, std::memory_order_release);
+    shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
+    if (mailbox.is_due()) mailbox.assign(static_cast<uint32_t>(curriculum_->draw()));
   }
 }
 
@@ -236,8 +234,9 @@ void LayoutService::capture_desks(const shm::Arena& arena, bool exact) {
   desks_.clear();
   if (!exact) return;
   for (int env = 0; env < arena.shape().env_count(); ++env) {
-    const shm::LayoutDesk& desk = arena.layout_desk(env);
-    for (const std::atomic<uint32_t>* field : {&desk.taken, &desk.playing, &desk.granted, &desk.layout_index})
+    const shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
+    for (const std::atomic<uint32_t>* field :
+         {&mailbox.taken, &mailbox.playing, &mailbox.assigned, &mailbox.layout_index})
       desks_.push_back(field->load());
   }
 }
@@ -255,11 +254,11 @@ Status LayoutService::restore_desks(const shm::Arena& arena) const {
     if (field[1] < 0 || field[1] >= known || field[3] < 0 || field[3] >= known)
       return Error{ErrorCode::kBadFormat, "the checkpoint's environment " + std::to_string(env) +
                                               " plays a layout that is not in the pool"};
-    shm::LayoutDesk& desk = arena.layout_desk(env);
-    desk.taken.store(static_cast<uint32_t>(field[0]));
-    desk.playing.store(static_cast<uint32_t>(field[1]));
-    desk.granted.store(static_cast<uint32_t>(field[2]));
-    desk.layout_index.store(static_cast<uint32_t>(field[3]));
+    shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
+    mailbox.taken.store(static_cast<uint32_t>(field[0]));
+    mailbox.playing.store(static_cast<uint32_t>(field[1]));
+    mailbox.assigned.store(static_cast<uint32_t>(field[2]));
+    mailbox.layout_index.store(static_cast<uint32_t>(field[3]));
   }
   return {};
 }

@@ -18,6 +18,8 @@
 #include "rollout_buffer/replay/replay_plan.h"
 #include "rollout_buffer/settings/drawn_batch.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 
 namespace comrad::learn {
 namespace {
@@ -159,8 +161,8 @@ ReplayFeed::~ReplayFeed() {
 
 void ReplayFeed::insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version) {
   const int index = static_cast<int>(slab);
-  const shm::SlabHeader& header = arena.slab_header(index);
-  insert(arena.slab(index), header.length, learner_version,
+  const shm::SlabHeader& header = arena.slabs().header(index);
+  insert(arena.slabs().view(index), header.length, learner_version,
          {.env_index = header.env_index,
           .rollout_index = header.rollout_index,
           .first_episode_id = header.first_episode.episode_id});
@@ -342,10 +344,10 @@ void ReplayFeed::feed() {
       continue;
     shm::Doorbell& sealed = arena_->control().slab_sealed;
     const uint32_t heard = shm::listen(sealed);
-    const std::vector<uint32_t> slabs = arena_->drain_slabs(1, share);
+    const std::vector<uint32_t> slabs = arena_->slabs().drain(1, share);
     for (const uint32_t slab : slabs) {
-      insert(*arena_, slab, arena_->weights_version());
-      arena_->release_slab(slab);
+      insert(*arena_, slab, arena_->weights().version());
+      arena_->slabs().release(slab);
     }
     if (const std::optional<Error> error = replay_->write_error()) {
       const std::lock_guard lock(mutex_);

@@ -18,6 +18,7 @@
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 
 namespace comrad::learn {
 namespace {
@@ -329,7 +330,7 @@ UpdateContext Learner::update_context() {
 }
 
 void Learner::publish(std::span<const std::byte> weights, PolicyVersion version) {
-  arena_.publish_weights(weights, version);
+  arena_.weights().publish(weights, version);
   reporter_.weights_published(
       {.version = version, .bytes = weights.size(), .checksum = bus_ ? checksum64(weights) : 0});
   count_copied(2 * weights.size());  // out of the network and into the arena

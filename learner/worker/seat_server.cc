@@ -17,6 +17,7 @@
 #include "rollout_buffer/settings/trained_game.h"
 #include "rollout_buffer/shm/futex.h"
 #include "rollout_buffer/shm/is_stopping.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 
 namespace comrad::learn {
 namespace {
@@ -60,7 +61,7 @@ Status serve_seats(const std::string& run_dir, const shm::Arena& arena, const st
     return Error{ErrorCode::kBadInput, "the weights of all seats need " + std::to_string(bytes.size()) +
                                            " bytes, the arena holds " +
                                            std::to_string(arena.shape().weights_bytes)};
-  arena.publish_weights(bytes, 1);
+  arena.weights().publish(bytes, 1);
   shm::ControlBlock& control = arena.control();
   control.rollouts_allowed = std::numeric_limits<uint64_t>::max();
   shm::ring(control.slab_released);

@@ -7,6 +7,7 @@
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::policy {
 
@@ -57,13 +58,13 @@ int Batcher::adopt_orphans() { return arena_->reclaim_policy_worker(options_.pol
 Batcher::SplitCount Batcher::count_ready(const Split& split) const {
   int ready = 0, acted = 0;
   for (int env = split.first_env; env < split.last_env; ++env) {
-    const SlotState state = arena_->slot(env).state.load(std::memory_order_acquire);
+    const SlotState state = arena_->step_slots().slot(env).state.load(std::memory_order_acquire);
     ready += state == SlotState::kReady;
     acted += state == SlotState::kActed;
   }
   // Slots that a predecessor answered before it died belong to the same round.
   const uint32_t round =
-      arena_->split_round(split.sim_worker, split.index).request_count.load(std::memory_order_acquire);
+      arena_->step_slots().round(split.sim_worker, split.index).request_count.load(std::memory_order_acquire);
   return {ready, ready > 0 && static_cast<uint32_t>(ready + acted) >= round};
 }
 
@@ -71,7 +72,7 @@ const Batch& Batcher::gather(int64_t timeout_us) {
   batch_.requests.clear();
   batch_.frames.clear();
   const int64_t deadline_ns = clock_->now_ns() + timeout_us * 1000;
-  shm::Doorbell& doorbell = arena_->slots_ready(options_.policy_worker);
+  shm::Doorbell& doorbell = arena_->step_slots().ready(options_.policy_worker);
   while (true) {
     const uint32_t heard = shm::listen(doorbell);
     if (collect()) break;
@@ -133,7 +134,7 @@ bool Batcher::collect() {
 
 void Batcher::take(const Split& split, int64_t limit) {
   for (int env = split.first_env; env < split.last_env && limit > 0; ++env) {
-    shm::StepSlot& slot = arena_->slot(env);
+    shm::StepSlot& slot = arena_->step_slots().slot(env);
     if (!shm::advance(slot, SlotState::kReady, SlotState::kInBatch)) continue;
     if (const std::optional<Request> request = read_request(slot, split, env)) {
       batch_.requests.push_back(*request);
@@ -142,7 +143,7 @@ void Batcher::take(const Split& split, int64_t limit) {
       // Answered without being read, so that its simulator goes on and notices rather than hangs.
       ++refused_count_;
       shm::advance(slot, SlotState::kInBatch, SlotState::kActed);
-      shm::ring(arena_->slots_acted(split.sim_worker, split.index));
+      shm::ring(arena_->step_slots().acted(split.sim_worker, split.index));
     }
   }
 }
@@ -188,7 +189,7 @@ void Batcher::load_inputs() {
   float* state_out = batch_.recurrent_state.data_ptr<float>();
   float* measurement_out = measurements > 0 ? batch_.measurement.data_ptr<float>() : nullptr;
   for (const Request& request : batch_.requests) {
-    const SlabView slab = arena_->slab(static_cast<int>(request.slab_index));
+    const SlabView slab = arena_->slabs().view(static_cast<int>(request.slab_index));
     const bool is_final = request.kind == RequestKind::kFinal;
     for (int agent = 0; agent < env.num_agents; ++agent) {
       batch_.frames.push_back(is_final ? slab.final_frame(request.final_row, agent).data()
@@ -273,10 +274,10 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
                                                  arena_->control().schedule_env_frames.load())));
   for (size_t index = 0; index < batch.requests.size(); ++index) {
     const Request& request = batch.requests[index];
-    shm::StepSlot& slot = arena_->slot(request.env_index);
+    shm::StepSlot& slot = arena_->step_slots().slot(request.env_index);
     // The supervisor gives a dead simulator's slots and slabs back; this slab may be somebody else's by now.
     if (slot.state.load(std::memory_order_acquire) != SlotState::kInBatch) continue;
-    const SlabView slab = arena_->slab(static_cast<int>(request.slab_index));
+    const SlabView slab = arena_->slabs().view(static_cast<int>(request.slab_index));
     const size_t first_row = index * agents;
     const int snapshot = shape.recurrent_snapshots == 1 ? 0 : request.step;
     const bool keeps_snapshot = state_count > 0 && request.kind != RequestKind::kFinal &&
@@ -313,12 +314,12 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
   }
   // Only now hand everything back: a worker killed above leaves whole rounds for its successor.
   for (const Request& request : batch.requests)
-    shm::advance(arena_->slot(request.env_index), SlotState::kInBatch, SlotState::kActed);
+    shm::advance(arena_->step_slots().slot(request.env_index), SlotState::kInBatch, SlotState::kActed);
   for (const Split& split : splits_) {
     const bool is_touched = std::ranges::any_of(batch.requests, [&](const Request& request) {
       return request.sim_worker == split.sim_worker && request.split == split.index;
     });
-    if (is_touched) shm::ring(arena_->slots_acted(split.sim_worker, split.index));
+    if (is_touched) shm::ring(arena_->step_slots().acted(split.sim_worker, split.index));
   }
 }
 

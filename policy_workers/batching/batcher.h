@@ -19,6 +19,7 @@
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/settings/schedule.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::policy {
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::policy {
 
@@ -14,13 +15,13 @@ void RecurrentStateTable::load(int env_index, uint64_t step_id, bool reset, std:
     std::ranges::fill(out, 0.0f);
     return;
   }
-  const std::span<float> stored = arena_->recurrent(env_index, step_id & 1);
+  const std::span<float> stored = arena_->step_slots().recurrent(env_index, step_id & 1);
   COMRAD_DCHECK(stored.size() == out.size(), "a state is [N, H]");
   std::ranges::copy(stored, out.begin());
 }
 
 void RecurrentStateTable::store(int env_index, uint64_t step_id, std::span<const float> in) const {
-  const std::span<float> stored = arena_->recurrent(env_index, (step_id + 1) & 1);
+  const std::span<float> stored = arena_->step_slots().recurrent(env_index, (step_id + 1) & 1);
   COMRAD_DCHECK(stored.size() == in.size(), "a state is [N, H]");
   std::ranges::copy(in, stored.begin());
 }

@@ -14,6 +14,8 @@
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/shm/is_stopping.h"
+#include "rollout_buffer/shm/step_slots.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 
 namespace comrad::policy {
 namespace {
@@ -104,7 +106,8 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
   while (!shm::is_stopping(stop, *arena_)) {
     if (needs_weights() && !weights_.version()) {
       const uint32_t heard = shm::listen(arena_->control().weights_published);
-      if (!arena_->has_weights()) shm::wait(arena_->control().weights_published, heard, kGatherTimeoutUs);
+      if (!arena_->weights().has_any())
+        shm::wait(arena_->control().weights_published, heard, kGatherTimeoutUs);
       COMRAD_TRY(refresh());
     } else if (const Batch& batch = batcher_.gather(kGatherTimeoutUs); !batch.is_empty()) {
       const int64_t began_ns = monotonic_ns();

@@ -26,6 +26,8 @@
 #include "rollout_buffer/link/frame_receiver.h"
 #include "rollout_buffer/link/frame_sender.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::link {
 namespace {
@@ -100,15 +102,16 @@ void play(const Arena& arena, int worker, bool asks_last_value, Histogram& round
   const auto begin_slab = [&](Env& env) {
     while (!is_over(arena)) {
       const uint32_t heard = listen(arena.control().slab_released);
-      if (const auto slab = arena.acquire_slab(worker)) {
+      if (const auto slab = arena.slabs().acquire(worker)) {
         env.slab = *slab;
         env.step = 0;
-        SlabHeader& header = arena.slab_header(static_cast<int>(*slab));
+        SlabHeader& header = arena.slabs().header(static_cast<int>(*slab));
         header.env_index =
             static_cast<uint32_t>(&env - envs.data()) + static_cast<uint32_t>(worker * shape.envs_per_worker);
         header.rollout_index = env.rollout_index++;
-        std::fill_n(arena.slab(static_cast<int>(*slab)).at<int32_t>(arena.slab_offsets().final_index),
-                    shape.trajectory.rollout_steps, -1);
+        std::fill_n(
+            arena.slabs().view(static_cast<int>(*slab)).at<int32_t>(arena.slabs().offsets().final_index),
+            shape.trajectory.rollout_steps, -1);
         return;
       }
       wait(arena.control().slab_released, heard, kWaitUs);
@@ -116,13 +119,14 @@ void play(const Arena& arena, int worker, bool asks_last_value, Histogram& round
   };
   std::array<int64_t, 2> committed_ns = {};
   const auto commit = [&](int split) {
-    arena.split_round(worker, split)
+    arena.step_slots()
+        .round(worker, split)
         .request_count.store(static_cast<uint32_t>(shape.split_end(split) - shape.split_begin(split)),
                              std::memory_order_relaxed);
     committed_ns[static_cast<std::size_t>(split)] = monotonic_ns();
     for (int local = shape.split_begin(split); local < shape.split_end(split); ++local) {
       const Env& env = envs[static_cast<std::size_t>(local)];
-      StepSlot& slot = arena.slot(worker * shape.envs_per_worker + local);
+      StepSlot& slot = arena.step_slots().slot(worker * shape.envs_per_worker + local);
       slot.step_id = env.step_id;
       slot.slab_index = env.slab;
       slot.step = env.step;
@@ -130,17 +134,17 @@ void play(const Arena& arena, int worker, bool asks_last_value, Histogram& round
                                                                                    : RequestKind::kValue;
       slot.state.store(SlotState::kReady, std::memory_order_release);
     }
-    ring(arena.slots_ready(shape.policy_worker_of(worker, split)));
+    ring(arena.step_slots().ready(shape.policy_worker_of(worker, split)));
   };
   const auto await = [&](int split) {
-    Doorbell& acted = arena.slots_acted(worker, split);
+    Doorbell& acted = arena.step_slots().acted(worker, split);
     while (!is_over(arena)) {
       const uint32_t heard = listen(acted);
       bool is_complete = true;
       for (int local = shape.split_begin(split); local < shape.split_end(split) && is_complete; ++local)
-        is_complete =
-            arena.slot(worker * shape.envs_per_worker + local).state.load(std::memory_order_acquire) ==
-            SlotState::kActed;
+        is_complete = arena.step_slots()
+                          .slot(worker * shape.envs_per_worker + local)
+                          .state.load(std::memory_order_acquire) == SlotState::kActed;
       if (is_complete) return true;
       wait(acted, heard, kWaitUs);
     }
@@ -157,12 +161,14 @@ void play(const Arena& arena, int worker, bool asks_last_value, Histogram& round
       Env& env = envs[static_cast<std::size_t>(local)];
       if (env.step < steps) ++decided, ++env.step, ++env.step_id;
       // The slot goes back for the next request, as a simulator that takes the answer does.
-      arena.slot(worker * shape.envs_per_worker + local)
+      arena.step_slots()
+          .slot(worker * shape.envs_per_worker + local)
           .state.store(SlotState::kIdle, std::memory_order_release);
-      const bool has_value = arena.slot(worker * shape.envs_per_worker + local).kind == RequestKind::kValue;
+      const bool has_value =
+          arena.step_slots().slot(worker * shape.envs_per_worker + local).kind == RequestKind::kValue;
       if (env.step < steps || (asks_last_value && !has_value)) continue;
-      arena.slab_header(static_cast<int>(env.slab)).length = env.step;
-      arena.seal_slab(env.slab);
+      arena.slabs().header(static_cast<int>(env.slab)).length = env.step;
+      arena.slabs().seal(env.slab);
       begin_slab(env);
     }
     counters.decisions.fetch_add(decided, std::memory_order_relaxed);
@@ -175,25 +181,25 @@ void answer(const Arena& arena, int policy_worker) {
   const ArenaShape& shape = arena.shape();
   WorkerCounters& counters = arena.policy_counters(policy_worker);
   while (!is_over(arena)) {
-    const uint32_t heard = listen(arena.slots_ready(policy_worker));
+    const uint32_t heard = listen(arena.step_slots().ready(policy_worker));
     bool has_answered = false;
     for (int sim = 0; sim < shape.sim_worker_count; ++sim)
       for (int split = 0; split < shape.splits_per_worker; ++split) {
         if (shape.policy_worker_of(sim, split) != policy_worker) continue;
         bool is_touched = false;
         for (int local = shape.split_begin(split); local < shape.split_end(split); ++local) {
-          StepSlot& slot = arena.slot(sim * shape.envs_per_worker + local);
+          StepSlot& slot = arena.step_slots().slot(sim * shape.envs_per_worker + local);
           if (slot.state.load(std::memory_order_acquire) != SlotState::kReady) continue;
           if (!advance(slot, SlotState::kReady, SlotState::kInBatch)) continue;
           is_touched |= advance(slot, SlotState::kInBatch, SlotState::kActed);
         }
-        if (is_touched) ring(arena.slots_acted(sim, split));
+        if (is_touched) ring(arena.step_slots().acted(sim, split));
         has_answered |= is_touched;
       }
     if (has_answered)
       counters.batches.fetch_add(1, std::memory_order_relaxed);
     else
-      wait(arena.slots_ready(policy_worker), heard, kWaitUs);
+      wait(arena.step_slots().ready(policy_worker), heard, kWaitUs);
   }
 }
 
@@ -201,8 +207,8 @@ void answer(const Arena& arena, int policy_worker) {
 void drain(const Arena& arena) {
   while (!is_over(arena)) {
     const uint32_t heard = listen(arena.control().slab_sealed);
-    const std::vector<uint32_t> slabs = arena.drain_slabs(arena.shape().slab_count);
-    for (const uint32_t slab : slabs) arena.release_slab(slab);
+    const std::vector<uint32_t> slabs = arena.slabs().drain(arena.shape().slab_count);
+    for (const uint32_t slab : slabs) arena.slabs().release(slab);
     if (slabs.empty()) wait(arena.control().slab_sealed, heard, kWaitUs);
   }
 }
@@ -267,7 +273,10 @@ Expected<ordered_json> measure(const Arguments& arguments) {
                                            ": there are " +
                                            std::to_string(shape.sim_worker_count * shape.splits_per_worker) +
                                            " groups of environments to share out"};
-  COMRAD_TRY_ASSIGN(const Arena arena, Arena::create(shape, static_cast<uint64_t>(getpid())));
+  ArenaShape near_shape = shape;
+  if (arguments.is_over_dds())
+    near_shape.guest_worker_count = near_shape.frame_guest_count = shape.sim_worker_count;
+  COMRAD_TRY_ASSIGN(const Arena arena, Arena::create(near_shape, static_cast<uint64_t>(getpid())));
   const std::size_t bytes =
       sizeof(Histogram) * static_cast<std::size_t>(shape.sim_worker_count) + sizeof(FrameAccount);
   void* shared = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);

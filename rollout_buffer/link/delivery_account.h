@@ -9,10 +9,6 @@
 
 namespace comrad::link {
 
-/// ControlBlock::goal_reached of a host that is asked to leave. Its supervisor stops the simulators; what they have played is
-/// delivered first.
-constexpr uint32_t kAskedToLeave = 2;
-
 /// Counts agent decisions. Threads: one.
 class DeliveryAccount {
  public:

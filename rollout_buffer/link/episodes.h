@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "rollout_buffer/dds/link_bus.h"
-#include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/episode_stream.h"
 
 namespace comrad::link {
 

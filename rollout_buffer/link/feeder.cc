@@ -7,8 +7,11 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/timing.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/futex.h"
 #include "rollout_buffer/shm/is_stopping.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 
 namespace comrad::link {
 namespace {
@@ -30,7 +33,7 @@ Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& o
       clock_(clock),
       bus_(std::move(bus)),
       options_(options),
-      cutter_(arena.slab_offsets()),
+      cutter_(arena.slabs().offsets()),
       weights_(arena.shape().weights_bytes),
       deliveries_(arena),
       layouts_(arena, options.feeder_id, options.layout_count) {}
@@ -57,7 +60,7 @@ Status Feeder::run(const std::atomic<bool>& stop) {
   }
   // What is sealed by now is delivered, if the other end goes on.
   for (const double end_s = clock_.now_s() + kDeliverForS;
-       is_fed() && !has_run_ended_ && !(in_hand_.empty() && arena_.sealed_count() == 0) &&
+       is_fed() && !has_run_ended_ && !(in_hand_.empty() && arena_.slabs().sealed_count() == 0) &&
        clock_.now_s() < end_s;) {
     COMRAD_TRY(hear());
     drain();
@@ -85,8 +88,8 @@ Status Feeder::hear() {
   bus_.take_weights([this](const dds::WeightsChunk& chunk) {
     const Expected<bool> whole = weights_.take(chunk);
     if (!whole) spdlog::warn("{}", whole.error().message);
-    if (whole && *whole && (!arena_.has_weights() || arena_.weights_version() != weights_.version()))
-      arena_.publish_weights(weights_.weights(), weights_.version());
+    if (whole && *whole && (!arena_.weights().has_any() || arena_.weights().version() != weights_.version()))
+      arena_.weights().publish(weights_.weights(), weights_.version());
   });
   if (clock_.now_s() - heard_s_ > options_.patience_s)
     return Error{ErrorCode::kNotFound, "nothing was heard of the learner's host for " +
@@ -104,8 +107,7 @@ void Feeder::take_state(const dds::FeedState& state) {
     return;
   }
   has_run_ended_ |= state.run_state == "stopping";
-  if (state.run_state == "leaving")
-    arena_.control().goal_reached = kAskedToLeave;  // the supervisor stops simulators
+  if (state.run_state == "leaving") arena_.control().leave_requested = 1;  // the supervisor stops simulators
   if (session_ != state.session && session_ != 0) return begin_anew(state.session);
   session_ = state.session;
   state_ = state;
@@ -144,7 +146,7 @@ void Feeder::drain() {
   const uint64_t end_index = first_index_ + in_hand_.size();
   if (state_->credit_index <= end_index || in_hand_.size() >= kMostInHand) return;
   const uint64_t room = std::min<uint64_t>(state_->credit_index - end_index, kMostInHand - in_hand_.size());
-  for (const uint32_t slab : arena_.drain_slabs(static_cast<int>(room))) in_hand_.push_back({.slab = slab});
+  for (const uint32_t slab : arena_.slabs().drain(static_cast<int>(room))) in_hand_.push_back({.slab = slab});
 }
 
 /// False where the network did not take all that may be sent.
@@ -156,7 +158,8 @@ bool Feeder::send() {
     if (index >= state_->credit_index) break;
     if (one.is_sent) continue;
     if (cutting_ != index) {
-      cutter_.begin(arena_.slab(static_cast<int>(one.slab)), arena_.slab_header(static_cast<int>(one.slab)),
+      cutter_.begin(arena_.slabs().view(static_cast<int>(one.slab)),
+                    arena_.slabs().header(static_cast<int>(one.slab)),
                     {.feeder_id = options_.feeder_id, .epoch = epoch_, .send_index = index});
       cutting_ = index;
       next_fragment_ = 0;
@@ -188,7 +191,7 @@ void Feeder::send_episodes() {
   if (!is_fed()) return;
   const int agents = arena_.shape().trajectory.env.num_agents;
   for (int count = 0; count < kEpisodesAtOnce; ++count) {
-    const std::optional<shm::EpisodeRecord> record = arena_.pop_forwarded_episode();
+    const std::optional<shm::EpisodeRecord> record = arena_.episodes().pop_forwarded();
     if (!record) return;
     const Status written = bus_.write(wire_of(*record, options_.feeder_id, agents));
     if (!written) spdlog::warn("an episode's score is not told: {}", written.error().message);
@@ -204,11 +207,11 @@ void Feeder::report(bool is_leaving) {
                                  .epoch = epoch_,
                                  .beat = ++beat_,
                                  .fingerprint = options_.fingerprint,
-                                 .slab_bytes = static_cast<uint64_t>(arena_.slab_offsets().slab_bytes),
+                                 .slab_bytes = static_cast<uint64_t>(arena_.slabs().offsets().slab_bytes),
                                  .sim_workers = static_cast<uint32_t>(shape.sim_worker_count),
                                  .envs_per_worker = static_cast<uint32_t>(shape.envs_per_worker),
                                  .is_leaving = is_leaving,
-                                 .weights_version = arena_.weights_version(),
+                                 .weights_version = arena_.weights().version(),
                                  .decisions_played = now.played,
                                  .decisions_delivered = now.delivered,
                                  .decisions_lost = now.lost,

@@ -27,8 +27,7 @@ Status play(const shm::WorkerShell& shell, const shm::Arena& arena, End& end,
     if (!written && !std::exchange(has_warned, true)) spdlog::warn("{}", written.error().message);
   });
   const Status fed = end.run(shell.stop());
-  uint32_t none = 0;
-  if (fed && end.has_run_ended()) arena.control().goal_reached.compare_exchange_strong(none, 1);
+  if (fed && end.has_run_ended()) arena.control().goal_reached = 1;
   return fed;
 }
 

@@ -11,8 +11,11 @@
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/link/timing.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/futex.h"
 #include "rollout_buffer/shm/is_stopping.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::link {
 namespace {
@@ -27,31 +30,6 @@ constexpr std::size_t kMostRawBytes = dds::kFrameBatchBytes;
 
 bool is_same(const FrameRequest& a, const FrameRequest& b) {
   return a.step_id == b.step_id && a.rollout_index == b.rollout_index && a.kind == b.kind && a.step == b.step;
-}
-
-/// As a simulator: what lies beyond the last row is a function of this rollout alone.
-void pad(const SlabView& slab, int length) {
-  const TrajectoryShape& shape = slab.shape();
-  const auto agents = static_cast<std::size_t>(shape.env.num_agents);
-  for (int step = length; step < shape.rollout_steps; ++step) {
-    std::ranges::copy(slab.frames(length), slab.frames(step + 1).data());
-    if (shape.env.measurement_count > 0)
-      std::copy_n(slab.measurement(length, 0).data(), agents * slab.measurement(0, 0).size(),
-                  slab.measurement(step + 1, 0).data());
-    if (shape.env.global_state_count > 0)
-      std::ranges::copy(slab.global_state(length), slab.global_state(step + 1).data());
-    std::copy_n(slab.action_mask(length, 0).data(), agents * slab.action_mask(0, 0).size(),
-                slab.action_mask(step + 1, 0).data());
-    std::copy_n(&slab.agent_active(length, 0), agents, &slab.agent_active(step + 1, 0));
-    std::copy_n(slab.action(length - 1, 0).data(), agents * static_cast<std::size_t>(shape.env.head_count),
-                slab.action(step, 0).data());
-    std::copy_n(slab.logits(length - 1, 0).data(), agents * slab.logits(0, 0).size(),
-                slab.logits(step, 0).data());
-    std::copy_n(&slab.log_prob(length - 1, 0), agents, &slab.log_prob(step, 0));
-    std::copy_n(&slab.policy_version(length - 1, 0), agents, &slab.policy_version(step, 0));
-    std::copy_n(&slab.value(length, 0), agents, &slab.value(step + 1, 0));
-    slab.layout_index(step) = slab.layout_index(length - 1);
-  }
 }
 
 }  // namespace
@@ -77,9 +55,10 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
   double looked_s = 0;
   while (!shm::is_stopping(stop, arena_)) {
     const uint32_t heard =
-        waiting_for_ < 0 ? 0
-                         : shm::listen(arena_.slots_acted(waiting_for_ / arena_.shape().splits_per_worker,
-                                                          waiting_for_ % arena_.shape().splits_per_worker));
+        waiting_for_ < 0
+            ? 0
+            : shm::listen(arena_.step_slots().acted(waiting_for_ / arena_.shape().splits_per_worker,
+                                                    waiting_for_ % arena_.shape().splits_per_worker));
     bool has_moved = false;
     reserve();
     bus_.take_frames([&](const dds::FrameBatch& batch) {
@@ -93,7 +72,7 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
       if (guest == guests_.end() || episode.env_index >= guest->second.mirrors.size()) return;
       if (const auto record = record_of(episode, guest->second.mirrors[episode.env_index].env,
                                         arena_.shape().trajectory.env.num_agents))
-        (void)arena_.push_episode(*record);
+        (void)arena_.episodes().push(*record);
     });
     if (now_s - looked_s > 0.1) {
       looked_s = now_s;
@@ -109,8 +88,8 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
     if (out_count_ == 0 || waiting_for_ < 0)
       bus_.wait(kWaitMs);
     else
-      shm::wait(arena_.slots_acted(waiting_for_ / arena_.shape().splits_per_worker,
-                                   waiting_for_ % arena_.shape().splits_per_worker),
+      shm::wait(arena_.step_slots().acted(waiting_for_ / arena_.shape().splits_per_worker,
+                                          waiting_for_ % arena_.shape().splits_per_worker),
                 heard, kPollUs);
   }
   is_stopping_ = arena_.control().run_state.load() == shm::RunState::kStopping;
@@ -212,7 +191,7 @@ void FrameReceiver::free_seat(Guest& guest) {
 }
 
 void FrameReceiver::give_back(Guest& guest) {
-  for (const uint32_t slab : guest.reserved) arena_.abandon_slab(slab);
+  for (const uint32_t slab : guest.reserved) arena_.slabs().abandon(slab);
   guest.reserved.clear();
 }
 
@@ -223,7 +202,7 @@ void FrameReceiver::reserve() {
     const auto without = static_cast<std::size_t>(
         std::ranges::count_if(guest.mirrors, [](const Mirror& one) { return !one.has_slab; }));
     while (guest.reserved.size() < without + kSpareSlabs) {
-      const std::optional<uint32_t> slab = arena_.acquire_slab(guest.workers[0]);
+      const std::optional<uint32_t> slab = arena_.slabs().acquire(guest.workers[0]);
       if (!slab) return;
       guest.reserved.push_back(*slab);
     }
@@ -250,7 +229,7 @@ void FrameReceiver::take(Guest& guest, const dds::FrameBatch& batch) {
   if (raw.size() != batch.raw_bytes || checksum64(raw) != batch.checksum)
     return refuse("a batch of frames with another length or checksum");
   std::ranges::fill(round_, 0u);
-  FrameUnpacker frames(arena_.slab_offsets(), static_cast<uint32_t>(guest.mirrors.size()), raw);
+  FrameUnpacker frames(arena_.slabs().offsets(), static_cast<uint32_t>(guest.mirrors.size()), raw);
   while (true) {
     const Expected<std::optional<FrameRequest>> request = frames.next();
     if (!request) {
@@ -265,7 +244,7 @@ void FrameReceiver::take(Guest& guest, const dds::FrameBatch& batch) {
     if (round_[place] == 0) continue;
     const int worker = static_cast<int>(place) / splits, split = static_cast<int>(place) % splits;
     waiting_for_ = static_cast<int>(place);
-    shm::ring(arena_.slots_ready(arena_.shape().policy_worker_of(worker, split)));
+    shm::ring(arena_.step_slots().ready(arena_.shape().policy_worker_of(worker, split)));
   }
 }
 
@@ -277,7 +256,7 @@ void FrameReceiver::abandon(Guest& guest, Mirror& one) {
 
 void FrameReceiver::lose(Guest& guest, uint32_t slab, uint64_t steps) {
   guest.record.lost_there += steps * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  arena_.abandon_slab(slab);
+  arena_.slabs().abandon(slab);
 }
 
 /// The simulator has sealed a rollout. Older ones of which nothing was said it never sealed.
@@ -321,18 +300,10 @@ bool FrameReceiver::begin(Guest& guest, Mirror& one, const FrameRequest& request
   one.layout_id = request.layout_id;
   one.first_episode_id = request.first_episode_id;
   one.first_episode_seed = request.first_episode_seed;
-  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(one.slab));
+  shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(one.slab));
   header.env_index = static_cast<uint32_t>(one.env);
   header.length = 0;
-  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
-  const SlabOffsets& offsets = slab.offsets();
-  const auto steps = static_cast<std::size_t>(slab.shape().rollout_steps);
-  const auto agents = static_cast<std::size_t>(slab.shape().env.num_agents);
-  std::fill_n(slab.at<float>(offsets.reward), steps * agents, 0.0f);
-  std::fill_n(slab.at<int32_t>(offsets.final_index), steps, -1);
-  std::fill_n(slab.at<int32_t>(offsets.layout_index), steps, 0);
-  for (const int64_t flags : {offsets.terminated, offsets.truncated, offsets.valid})
-    std::fill_n(slab.at<uint8_t>(flags), steps, uint8_t{0});
+  arena_.slabs().view(static_cast<int>(one.slab)).clear();
   return true;
 }
 
@@ -357,7 +328,7 @@ void FrameReceiver::mirror(Guest& guest, const FrameRequest& request, const Fram
     ++guest.begun;
     one.counted_epoch = guest.epoch;
   }
-  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
+  const SlabView slab = arena_.slabs().view(static_cast<int>(one.slab));
   frames.copy_to(slab);
   if (request.step > 0) {
     const int last = static_cast<int>(request.step) - 1;
@@ -378,8 +349,8 @@ void FrameReceiver::mirror(Guest& guest, const FrameRequest& request, const Fram
   const int worker = one.env / shape.envs_per_worker, local = one.env % shape.envs_per_worker;
   const int split = shape.splits_per_worker > 1 && local >= shape.split_begin(1) ? 1 : 0;
   uint32_t& count = round_[static_cast<std::size_t>(worker * shape.splits_per_worker + split)];
-  arena_.split_round(worker, split).request_count.store(++count, std::memory_order_relaxed);
-  shm::StepSlot& slot = arena_.slot(one.env);
+  arena_.step_slots().round(worker, split).request_count.store(++count, std::memory_order_relaxed);
+  shm::StepSlot& slot = arena_.step_slots().slot(one.env);
   slot.step_id = request.step_id;
   slot.episode_id = request.episode_id;
   slot.episode_step = request.episode_step;
@@ -397,7 +368,8 @@ bool FrameReceiver::collect() {
   bool has_moved = false;
   for (auto& [id, guest] : guests_)
     for (Mirror& one : guest.mirrors)
-      if (one.is_out && shm::advance(arena_.slot(one.env), SlotState::kActed, SlotState::kIdle)) {
+      if (one.is_out &&
+          shm::advance(arena_.step_slots().slot(one.env), SlotState::kActed, SlotState::kIdle)) {
         finish(guest, one);
         has_moved = true;
       }
@@ -414,7 +386,7 @@ void FrameReceiver::finish(Guest& guest, Mirror& one) {
                 .env_index = request.env_index,
                 .kind = request.kind,
                 .step = request.step};
-  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
+  const SlabView slab = arena_.slabs().view(static_cast<int>(one.slab));
   switch (static_cast<RequestKind>(request.kind)) {
     case RequestKind::kAct:
       std::copy_n(slab.action(static_cast<int>(request.step), 0).data(), one.choices.size(),
@@ -457,26 +429,15 @@ void FrameReceiver::answer(Guest& guest, const Mirror& one) {
 /// False for a rollout that the host has played before.
 bool FrameReceiver::seal(Guest& guest, const Mirror& one, const Copy& copy) {
   const uint64_t rollout_index = seats_.rollout_of(one.env, copy.rollout_index);
-  if (static_cast<int64_t>(rollout_index - arena_.journal(one.env).rollout_index) < 0) return false;
-  pad(arena_.slab(static_cast<int>(copy.slab)), static_cast<int>(copy.length));
-  shm::JournalHeader& journal = arena_.journal(one.env);
-  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(copy.slab));
-  header.length = copy.length;
-  header.layout_id = copy.layout_id;
-  header.first_episode = {.episode_id = copy.first_episode_id, .episode_seed = copy.first_episode_seed};
-  std::atomic_signal_fence(
-      std::memory_order_release);  // as a simulator: a kill leaves no count with another's name
-  header.rollout_index = rollout_index;
-  journal.rollout_index = rollout_index + 1;  // reclaim_sim_worker() takes it back if we die before the seal
-  std::atomic<uint64_t>& made = arena_.env_account(one.env).made;  // here, as far as this arena is concerned
-  made.store(made.load(std::memory_order_relaxed) + copy.length, std::memory_order_release);
-  arena_.seal_slab(copy.slab);
-  const uint64_t decisions =
-      uint64_t{copy.length} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  guest.record.decisions += decisions;
+  if (seats_.ahead(one.env, rollout_index) < 0) return false;
+  arena_.slabs().view(static_cast<int>(copy.slab)).pad(static_cast<int>(copy.length));
+  guest.record.decisions += seats_.seal(
+      one.env, copy.slab,
+      {.rollout_index = rollout_index,
+       .length = copy.length,
+       .layout_id = copy.layout_id,
+       .first_episode = {.episode_id = copy.first_episode_id, .episode_seed = copy.first_episode_seed}});
   ++guest.record.slabs;
-  arena_.sim_counters(one.env / arena_.shape().envs_per_worker)
-      .decisions.fetch_add(decisions, std::memory_order_relaxed);
   return true;
 }
 

@@ -9,8 +9,10 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/timing.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/futex.h"
 #include "rollout_buffer/shm/is_stopping.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::link {
 namespace {
@@ -29,7 +31,7 @@ FrameSender::FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameS
       clock_(clock),
       bus_(std::move(bus)),
       options_(options),
-      packer_(arena.slab_offsets()),
+      packer_(arena.slabs().offsets()),
       choices_(static_cast<std::size_t>(arena.shape().trajectory.env.num_agents *
                                         arena.shape().trajectory.env.head_count)),
       pending_(static_cast<std::size_t>(arena.shape().env_count())),
@@ -37,7 +39,7 @@ FrameSender::FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameS
       layouts_(arena, options.feeder_id, options.layout_count) {}
 
 Status FrameSender::run(const std::atomic<bool>& stop) {
-  if (const std::size_t largest = largest_request_bytes(arena_.slab_offsets());
+  if (const std::size_t largest = largest_request_bytes(arena_.slabs().offsets());
       largest > dds::kFrameBatchBytes)
     return Error{ErrorCode::kBadInput, "the observations of one environment take " + std::to_string(largest) +
                                            " bytes, more than the frame link carries at once (" +
@@ -54,7 +56,7 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
   heard_s_ = clock_.now_s();
   take_actions();  // the reader is there before anybody is asked
   while (!shm::is_stopping(stop, arena_) && !has_run_ended_) {
-    const uint32_t heard = shm::listen(arena_.slots_ready(0));
+    const uint32_t heard = shm::listen(arena_.step_slots().ready(0));
     bool has_moved = take_actions();
     drain();
     if (!refusal_.empty())
@@ -77,11 +79,11 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
     if (out_count_ == static_cast<int>(pending_.size()))
       bus_.wait(kWaitMs);
     else
-      shm::wait(arena_.slots_ready(0), heard, out_count_ > 0 ? kPollUs : 1000);
+      shm::wait(arena_.step_slots().ready(0), heard, out_count_ > 0 ? kPollUs : 1000);
   }
   // What is sealed by now is delivered, if the other end goes on.
   for (const double end_s = clock_.now_s() + kDeliverFramesForS;
-       is_played_with() && !has_run_ended_ && !(in_hand_.empty() && arena_.sealed_count() == 0) &&
+       is_played_with() && !has_run_ended_ && !(in_hand_.empty() && arena_.slabs().sealed_count() == 0) &&
        clock_.now_s() < end_s;) {
     drain();
     resend_due();
@@ -103,7 +105,7 @@ dds::FrameBatch FrameSender::batch_head() const {
   batch.epoch = epoch_;
   batch.batch_index = batch_index_;
   batch.fingerprint = options_.fingerprint;
-  batch.slab_bytes = static_cast<uint64_t>(arena_.slab_offsets().slab_bytes);
+  batch.slab_bytes = static_cast<uint64_t>(arena_.slabs().offsets().slab_bytes);
   batch.sim_workers = static_cast<uint32_t>(shape.sim_worker_count);
   batch.envs_per_worker = static_cast<uint32_t>(shape.envs_per_worker);
   batch.host = options_.host;
@@ -118,7 +120,7 @@ Status FrameSender::say_hello(bool is_leaving) {
 }
 
 FrameRequest FrameSender::request_of(const shm::StepSlot& slot, int env) const {
-  const shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slot.slab_index));
+  const shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slot.slab_index));
   FrameRequest request;
   request.step_id = slot.step_id;
   request.episode_id = slot.episode_id;
@@ -144,7 +146,7 @@ bool FrameSender::send_ready() {
   const shm::ArenaShape& shape = arena_.shape();
   bool has_sent = send_sealed();  // first: the next rollout of an environment follows
   for (int env = 0; env < shape.env_count(); ++env) {
-    shm::StepSlot& slot = arena_.slot(env);
+    shm::StepSlot& slot = arena_.step_slots().slot(env);
     if (slot.state.load(std::memory_order_acquire) != SlotState::kReady || !may_begin(slot)) continue;
     // Simulators of this host are ours, but a wild one must not make this process read outside of the slab.
     if (slot.slab_index >= static_cast<uint32_t>(shape.slab_count) ||
@@ -163,7 +165,7 @@ bool FrameSender::send_ready() {
     pending.request = request;
     pending.slab = slot.slab_index;
     begun_ += request.step == 0 && !is_again;
-    const SlabView slab = arena_.slab(static_cast<int>(pending.slab));
+    const SlabView slab = arena_.slabs().view(static_cast<int>(pending.slab));
     make_room(pending.request);
     packer_.add(pending.request, slab);
     packed_.push_back(env);
@@ -175,7 +177,7 @@ bool FrameSender::send_ready() {
 
 void FrameSender::make_room(const FrameRequest& request) {
   if (packer_.count() > 0 &&
-      packer_.bytes().size() + bytes_of(request, arena_.slab_offsets()) > options_.batch_bytes)
+      packer_.bytes().size() + bytes_of(request, arena_.slabs().offsets()) > options_.batch_bytes)
     send_batch();
 }
 
@@ -232,12 +234,13 @@ void FrameSender::resend_due() {
   for (std::size_t env = 0; env < pending_.size(); ++env) {
     Pending& pending = pending_[env];
     if (!pending.is_out || now_s - pending.sent_s < options_.resend_after_s) continue;
-    if (arena_.slot(static_cast<int>(env)).state.load(std::memory_order_acquire) != SlotState::kInBatch) {
+    if (arena_.step_slots().slot(static_cast<int>(env)).state.load(std::memory_order_acquire) !=
+        SlotState::kInBatch) {
       pending.is_out = false;  // its simulator died
       --out_count_;
       continue;
     }
-    packer_.add(pending.request, arena_.slab(static_cast<int>(pending.slab)));
+    packer_.add(pending.request, arena_.slabs().view(static_cast<int>(pending.slab)));
     packed_.push_back(static_cast<int>(env));
     ++account_.resent;
     bytes = packer_.bytes().size();
@@ -258,7 +261,7 @@ bool FrameSender::take_actions() {
     }
     has_run_ended_ |= batch.run_state == "stopping";
     if (batch.run_state == "leaving")
-      arena_.control().goal_reached = kAskedToLeave;  // the supervisor stops simulators
+      arena_.control().leave_requested = 1;  // the supervisor stops simulators
     if (session_ != batch.session) begin_anew(batch.session);
     credit_ = batch.credit_index;
     arena_.control().schedule_env_frames = batch.schedule_env_frames;
@@ -306,11 +309,11 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
       continue;
     }
     const int env = static_cast<int>(answer.env_index);
-    shm::StepSlot& slot = arena_.slot(env);
+    shm::StepSlot& slot = arena_.step_slots().slot(env);
     pending->is_out = false;
     --out_count_;
     if (answer.kind == static_cast<uint32_t>(RequestKind::kAct)) {
-      const SlabView slab = arena_.slab(static_cast<int>(pending->slab));
+      const SlabView slab = arena_.slabs().view(static_cast<int>(pending->slab));
       std::ranges::copy(choices_, slab.action(static_cast<int>(answer.step), 0).data());
       decisions += agents;
     }
@@ -324,8 +327,8 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
   }
   for (std::size_t place = 0; place < is_split_acted.size(); ++place)
     if (is_split_acted[place])
-      shm::ring(arena_.slots_acted(static_cast<int>(place) / shape.splits_per_worker,
-                                   static_cast<int>(place) % shape.splits_per_worker));
+      shm::ring(arena_.step_slots().acted(static_cast<int>(place) / shape.splits_per_worker,
+                                          static_cast<int>(place) % shape.splits_per_worker));
   account_.decisions += decisions;
   arena_.policy_counters(0).decisions.fetch_add(decisions, std::memory_order_relaxed);
   if (options_.compression == Compression::kAuto) choice_.count(decisions, now_s);
@@ -333,12 +336,12 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
 }
 
 void FrameSender::drain() {
-  for (const uint32_t slab : arena_.drain_slabs(arena_.shape().slab_count)) hold(slab);
+  for (const uint32_t slab : arena_.slabs().drain(arena_.shape().slab_count)) hold(slab);
   finish_done();
 }
 
 void FrameSender::hold(uint32_t slab) {
-  const shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab));
+  const shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slab));
   InHand& one = in_hand_.emplace_back();
   one.slab = slab;
   one.request.rollout_index = header.rollout_index;
@@ -355,7 +358,7 @@ bool FrameSender::send_sealed() {
     InHand& one = in_hand_[place];
     if (one.is_done || one.sent_s > 0 || one.is_packed) continue;
     make_room(one.request);
-    packer_.add(one.request, arena_.slab(static_cast<int>(one.slab)));
+    packer_.add(one.request, arena_.slabs().view(static_cast<int>(one.slab)));
     one.is_packed = has_any = true;
   }
   return has_any;
@@ -384,7 +387,7 @@ void FrameSender::finish_done() {
 
 void FrameSender::send_episodes() {
   for (int count = 0; count < kEpisodesAtOnce && credit_ > 0; ++count) {
-    const std::optional<shm::EpisodeRecord> record = arena_.pop_forwarded_episode();
+    const std::optional<shm::EpisodeRecord> record = arena_.episodes().pop_forwarded();
     if (!record) return;
     const Status written =
         bus_.write(wire_of(*record, options_.feeder_id, arena_.shape().trajectory.env.num_agents));

@@ -18,6 +18,7 @@
 #include "rollout_buffer/link/frame_stream.h"
 #include "rollout_buffer/link/layout_grants.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::link {
 

@@ -5,6 +5,8 @@
 #include <cstring>
 #include <string>
 
+#include "rollout_buffer/shm/step_slots.h"
+
 namespace comrad::link {
 namespace {
 

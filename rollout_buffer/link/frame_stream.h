@@ -10,7 +10,6 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/trajectory.h"
-#include "rollout_buffer/shm/arena.h"
 
 namespace comrad::link {
 

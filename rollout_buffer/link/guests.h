@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/seats.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::link {
 
@@ -74,7 +75,7 @@ std::string other_game(const Asked& asked, uint64_t fingerprint, const shm::Aren
   if (asked.feeder_id == 0) return "it has no id";
   if (asked.fingerprint != fingerprint)
     return "its settings, scenario or maps are no longer those of this run; join again";
-  if (asked.slab_bytes != static_cast<uint64_t>(arena.slab_offsets().slab_bytes) ||
+  if (asked.slab_bytes != static_cast<uint64_t>(arena.slabs().offsets().slab_bytes) ||
       asked.envs_per_worker != static_cast<uint32_t>(arena.shape().envs_per_worker))
     return "its trajectories are of another shape; install the same version on both hosts";
   return "";

@@ -8,8 +8,11 @@
 #include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/link/narrow_weights.h"
 #include "rollout_buffer/link/timing.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/futex.h"
 #include "rollout_buffer/shm/is_stopping.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 
 namespace comrad::link {
 Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options, const Clock& clock)
@@ -120,7 +123,7 @@ std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
     guest.workers = seats_.take(id, wanted);
   }
   guest.record.workers = wanted;
-  guest.assembler = std::make_unique<SlabAssembler>(arena_.slab_offsets());
+  guest.assembler = std::make_unique<SlabAssembler>(arena_.slabs().offsets());
   return "";
 }
 
@@ -138,14 +141,14 @@ void Receiver::reserve() {
       if (!guest.record.is_here || guest.workers.empty() ||
           guest.reserved.size() > static_cast<std::size_t>(round))
         continue;
-      const std::optional<uint32_t> slab = arena_.acquire_slab(guest.workers[0]);
+      const std::optional<uint32_t> slab = arena_.slabs().acquire(guest.workers[0]);
       if (!slab) return;
       guest.reserved.push_back(*slab);
     }
 }
 
 void Receiver::give_back(Guest& guest) {
-  for (const uint32_t slab : guest.reserved) arena_.abandon_slab(slab);
+  for (const uint32_t slab : guest.reserved) arena_.slabs().abandon(slab);
   guest.reserved.clear();
   guest.is_assembling = false;
 }
@@ -160,7 +163,7 @@ void Receiver::take(const dds::TrajectoryFragment& fragment) {
     return;
   guest.heard_s = clock_.now_s();
   if (fragment.fragment_index == 0) {
-    guest.assembler->begin(arena_.slab(static_cast<int>(guest.reserved.front())));
+    guest.assembler->begin(arena_.slabs().view(static_cast<int>(guest.reserved.front())));
     guest.is_assembling = true;
   }
   if (!guest.is_assembling || fragment.fragment_index != guest.assembler->next_index()) {
@@ -193,9 +196,8 @@ void Receiver::seal(Guest& guest, const dds::TrajectoryFragment& fragment) {
                    fragment.env_index);
     return;
   }
-  shm::JournalHeader& journal = arena_.journal(env);
   const uint64_t rollout_index = seats_.rollout_of(env, fragment.rollout_index);
-  const auto ahead = static_cast<int64_t>(rollout_index - journal.rollout_index);
+  const int64_t ahead = seats_.ahead(env, rollout_index);
   if (ahead < 0) {
     ++guest.record.duplicates;
     return;
@@ -204,28 +206,15 @@ void Receiver::seal(Guest& guest, const dds::TrajectoryFragment& fragment) {
 
   const uint32_t index = guest.reserved.front();
   guest.reserved.pop_front();
-  const SlabView slab = arena_.slab(static_cast<int>(index));
+  const SlabView slab = arena_.slabs().view(static_cast<int>(index));
   for (int step = 0; step < arena_.shape().trajectory.rollout_steps; ++step) slab.layout_index(step) = 0;
-  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(index));
-  header.env_index = static_cast<uint32_t>(env);
-  header.length = fragment.length;
-  std::atomic_signal_fence(
-      std::memory_order_release);  // as a simulator: a kill leaves no count with another's name
-  header.rollout_index = rollout_index;
-  header.layout_id = fragment.layout_id;
-  header.first_episode = {.episode_id = fragment.first_episode_id,
-                          .episode_seed = fragment.first_episode_seed};
-  journal.rollout_index = rollout_index + 1;  // reclaim_sim_worker() takes it back if we die before the seal
-  std::atomic<uint64_t>& made = arena_.env_account(env).made;  // here, as far as this arena is concerned
-  made.store(made.load(std::memory_order_relaxed) + fragment.length, std::memory_order_release);
-  arena_.seal_slab(index);
-
-  const uint64_t decisions =
-      uint64_t{fragment.length} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  guest.record.decisions += decisions;
+  guest.record.decisions += seats_.seal(env, index,
+                                        {.rollout_index = rollout_index,
+                                         .length = fragment.length,
+                                         .layout_id = fragment.layout_id,
+                                         .first_episode = {.episode_id = fragment.first_episode_id,
+                                                           .episode_seed = fragment.first_episode_seed}});
   ++guest.record.slabs;
-  arena_.sim_counters(env / arena_.shape().envs_per_worker)
-      .decisions.fetch_add(decisions, std::memory_order_relaxed);
 }
 
 void Receiver::take_episode(const dds::FeederEpisode& episode) {
@@ -234,21 +223,21 @@ void Receiver::take_episode(const dds::FeederEpisode& episode) {
   const std::optional<shm::EpisodeRecord> record = record_of(
       episode, remote_env(found->second, episode.env_index), arena_.shape().trajectory.env.num_agents);
   if (!record) return;
-  (void)arena_.push_episode(*record);  // a full ring counts what it drops
+  (void)arena_.episodes().push(*record);  // a full ring counts what it drops
 }
 
 void Receiver::send_weights_if_due() {
   const auto guests_here = static_cast<std::size_t>(
       std::ranges::count_if(guests_, [](const auto& entry) { return entry.second.record.is_here; }));
-  if (guests_here == 0 || !arena_.has_weights()) return;
-  if (are_weights_sent_ && arena_.weights_version() == weights_version_) return;
+  if (guests_here == 0 || !arena_.weights().has_any()) return;
+  if (are_weights_sent_ && arena_.weights().version() == weights_version_) return;
   const double now_s = clock_.now_s();
   if (!weights_pace_.is_due(now_s, guests_here)) return;
   // On a bad line a newer version in the place of one that is half there would never let any arrive.
   if (weights_pace_.since_sent_s(now_s) < options_.weights_wait_s && !bus_.has_sent_weights()) return;
   weights_pace_.sent(now_s, weights_.size(), guests_here, 0);  // what fails below is not tried at once again
   const Stopwatch watch;                                       // Cyclone writes in this thread
-  const Expected<PolicyVersion> version = arena_.read_weights(weights_);
+  const Expected<PolicyVersion> version = arena_.weights().read(weights_);
   if (!version) {
     spdlog::warn("{}", version.error().message);
     return;

@@ -37,8 +37,8 @@ struct ReceiverOptions {
       3;  ///< a version has so long to reach every host before a newer one takes its place
 };
 
-/// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came stands in its
-/// journal in the arena, so a receiver that is killed and starts again takes no slab twice. Threads: one.
+/// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came stands in
+/// the arena, so a receiver that is killed and starts again takes no slab twice. Threads: one.
 class Receiver {
  public:
   /// Arena and clock outlive it.

@@ -1,60 +1,74 @@
 #include "rollout_buffer/link/seats.h"
 
-#include <algorithm>
+#include <atomic>
+#include <span>
+
+#include "rollout_buffer/core/check.h"
+#include "rollout_buffer/shm/accounts.h"
+#include "rollout_buffer/shm/remote_worker_slot.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::link {
 
-// Nothing is played anew from a guest's journal, so it says: in_use, that the place is taken; episode_seed, by whom; episode_id,
-// how many steps were sealed for others before; length 1, that step_id is the difference of its rollout indices to ours.
-
-Seats::Seats(const shm::Arena& arena, int first_worker, int worker_count)
-    : arena_(arena), first_worker_(first_worker), owner_(static_cast<std::size_t>(worker_count)) {
-  for (std::size_t place = 0; place < owner_.size(); ++place) {
-    const int worker = first_worker_ + static_cast<int>(place);
-    const shm::JournalHeader& journal = arena_.journal(worker * arena_.shape().envs_per_worker);
-    if (journal.in_use != 0) owner_[place] = journal.episode_seed;
-  }
-}
-
-int Seats::free_count() const { return static_cast<int>(std::ranges::count(owner_, uint64_t{0})); }
-
 std::vector<int> Seats::of(uint64_t feeder_id) const {
   std::vector<int> workers;
-  for (std::size_t place = 0; place < owner_.size(); ++place)
-    if (owner_[place] == feeder_id) workers.push_back(first_worker_ + static_cast<int>(place));
+  for (int worker = first_worker_; worker < first_worker_ + worker_count_; ++worker)
+    if (arena_.remote_worker_slots().slot(worker).sender_id.load(std::memory_order_acquire) == feeder_id)
+      workers.push_back(worker);
   return workers;
 }
 
 std::vector<int> Seats::take(uint64_t feeder_id, int count) {
-  for (int taken = 0; taken < count; ++taken) *std::ranges::find(owner_, uint64_t{0}) = feeder_id;
-  const std::vector<int> workers = of(feeder_id);
+  const std::vector<int> free = of(0);
+  COMRAD_CHECK(count <= static_cast<int>(free.size()), "only free places are taken");
   const int envs = arena_.shape().envs_per_worker;
-  for (const int worker : workers)
+  for (const int worker : std::span(free).first(static_cast<std::size_t>(count))) {
     for (int env = worker * envs; env < (worker + 1) * envs; ++env) {
-      shm::JournalHeader& journal = arena_.journal(env);
-      journal.episode_seed = feeder_id;
-      journal.episode_id = arena_.env_account(env).sealed.load();
-      journal.length = 0;
-      journal.in_use = 1;
+      shm::RemoteEnvironment& remote = arena_.remote_worker_slots().environment(env);
+      remote.steps_sealed_before = arena_.accounts().of(env).sealed.load();
+      remote.has_offset = 0;
     }
-  return workers;
+    arena_.remote_worker_slots().slot(worker).sender_id.store(feeder_id, std::memory_order_release);
+  }
+  return of(feeder_id);
 }
 
 void Seats::free(uint64_t feeder_id) {
-  const int envs = arena_.shape().envs_per_worker;
-  for (const int worker : of(feeder_id))
-    for (int env = worker * envs; env < (worker + 1) * envs; ++env) arena_.journal(env).in_use = 0;
-  std::ranges::replace(owner_, feeder_id, uint64_t{0});
+  for (const int worker : of(feeder_id)) arena_.remote_worker_slots().slot(worker).sender_id = 0;
 }
 
 uint64_t Seats::rollout_of(int env, uint64_t theirs) {
-  shm::JournalHeader& journal = arena_.journal(env);
-  if (journal.length == 0) {
-    journal.step_id = journal.rollout_index + 1 - theirs;
-    ++journal.rollout_index;
-    journal.length = 1;
+  shm::RemoteEnvironment& remote = arena_.remote_worker_slots().environment(env);
+  if (remote.has_offset == 0) {
+    remote.rollout_offset = ++remote.rollout_index - theirs;
+    remote.has_offset = 1;
   }
-  return theirs + journal.step_id;
+  return theirs + remote.rollout_offset;
+}
+
+int64_t Seats::ahead(int env, uint64_t rollout_index) const {
+  return static_cast<int64_t>(rollout_index - arena_.remote_worker_slots().environment(env).rollout_index);
+}
+
+uint64_t Seats::seal(int env, uint32_t slab_index, const RemoteRollout& rollout) {
+  const shm::ArenaShape& shape = arena_.shape();
+  shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slab_index));
+  header.env_index = static_cast<uint32_t>(env);
+  header.length = rollout.length;
+  header.layout_id = rollout.layout_id;
+  header.first_episode = rollout.first_episode;
+  std::atomic_signal_fence(
+      std::memory_order_release);  // as a simulator: a kill leaves no count with another's name
+  header.rollout_index = rollout.rollout_index;
+  // reclaim_sim_worker() takes it back if we die before the seal.
+  arena_.remote_worker_slots().environment(env).rollout_index = rollout.rollout_index + 1;
+  std::atomic<uint64_t>& made = arena_.accounts().of(env).made;  // here, as far as this arena is concerned
+  made.store(made.load(std::memory_order_relaxed) + rollout.length, std::memory_order_release);
+  arena_.slabs().seal(slab_index);
+  const uint64_t decisions =
+      uint64_t{rollout.length} * static_cast<uint64_t>(shape.trajectory.env.num_agents);
+  arena_.sim_counters(env / shape.envs_per_worker).decisions.fetch_add(decisions, std::memory_order_relaxed);
+  return decisions;
 }
 
 uint64_t Seats::sealed_for(uint64_t feeder_id) const {
@@ -62,7 +76,8 @@ uint64_t Seats::sealed_for(uint64_t feeder_id) const {
   uint64_t steps = 0;
   for (const int worker : of(feeder_id))
     for (int env = worker * envs; env < (worker + 1) * envs; ++env)
-      steps += arena_.env_account(env).sealed.load() - arena_.journal(env).episode_id;
+      steps += arena_.accounts().of(env).sealed.load() -
+               arena_.remote_worker_slots().environment(env).steps_sealed_before;
   return steps * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
 }
 

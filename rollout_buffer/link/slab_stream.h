@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/schema/trajectory.h"
-#include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::link {
 

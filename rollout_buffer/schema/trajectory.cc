@@ -1,5 +1,7 @@
 #include "rollout_buffer/schema/trajectory.h"
 
+#include <algorithm>
+
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/schema/version.h"
 
@@ -170,6 +172,44 @@ uint32_t& SlabView::policy_version(int step, int agent) const {
 
 uint8_t& SlabView::valid(int step) const {
   return row(at<uint8_t>(offsets_->valid), step, shape().rollout_steps, 1)[0];
+}
+
+void SlabView::clear() const {
+  const auto steps = static_cast<std::size_t>(shape().rollout_steps);
+  std::fill_n(at<float>(offsets_->reward), steps * static_cast<std::size_t>(shape().env.num_agents), 0.0f);
+  std::fill_n(at<int32_t>(offsets_->final_index), steps, -1);
+  std::fill_n(at<int32_t>(offsets_->layout_index), steps, 0);
+  for (const int64_t flags : {offsets_->terminated, offsets_->truncated, offsets_->valid})
+    std::fill_n(at<uint8_t>(flags), steps, uint8_t{0});
+}
+
+namespace {
+
+/// Row `from` of rows of `width` elements is repeated up to row `end`.
+template <typename T>
+void repeat(T* rows, int64_t width, int from, int end) {
+  for (int step = from + 1; step < end; ++step)
+    std::copy_n(rows + from * width, static_cast<std::size_t>(width), rows + step * width);
+}
+
+}  // namespace
+
+void SlabView::pad(int length) const {
+  const int64_t agents = shape().env.num_agents, logits = shape().env.logit_count();
+  const SlabOffsets& field = *offsets_;
+  // Observations and values have T+1 rows, the last one is row `length`; what belongs to a decision has T.
+  const int last = length - 1, steps = shape().rollout_steps;
+  repeat(at<uint8_t>(field.frame), agents * shape().env.frame_bytes(), length, steps + 1);
+  repeat(at<float>(field.measurement), agents * shape().env.measurement_count, length, steps + 1);
+  repeat(at<float>(field.global_state), shape().env.global_state_count, length, steps + 1);
+  repeat(at<uint8_t>(field.action_mask), agents * logits, length, steps + 1);
+  repeat(at<uint8_t>(field.agent_active), agents, length, steps + 1);
+  repeat(at<float>(field.value), agents, length, steps + 1);
+  repeat(at<int32_t>(field.action), agents * shape().env.head_count, last, steps);
+  repeat(at<float>(field.logits), agents * logits, last, steps);
+  repeat(at<float>(field.log_prob), agents, last, steps);
+  repeat(at<uint32_t>(field.policy_version), agents, last, steps);
+  repeat(at<int32_t>(field.layout_index), 1, last, steps);
 }
 
 }  // namespace comrad

@@ -8,6 +8,8 @@
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/core/stage_clock.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace comrad::sim {
 
@@ -21,11 +23,11 @@ EnvPort::EnvPort(const shm::Arena& arena, Environment& environment, const PortRu
       rules_(rules),
       sim_worker_(sim_worker),
       env_index_(sim_worker * arena.shape().envs_per_worker + local_index),
-      slot_(&arena.slot(env_index_)),
-      journal_(&arena.journal(env_index_)),
-      desk_(&arena.layout_desk(env_index_)),
-      account_(&arena.env_account(env_index_)),
-      slab_(arena.slab(0)) {}
+      slot_(&arena.step_slots().slot(env_index_)),
+      journal_(&arena.journals().header(env_index_)),
+      mailbox_(&arena.layout_mailboxes().of(env_index_)),
+      account_(&arena.accounts().of(env_index_)),
+      slab_(arena.slabs().view(0)) {}
 
 Status EnvPort::start() {
   const uint64_t env = static_cast<uint64_t>(env_index_);
@@ -51,12 +53,12 @@ Status EnvPort::start() {
   episode_id_ = journal_->episode_id;
   episode_seed_ = journal_->episode_seed;
   if (rules_.layout_count > 0)
-    COMRAD_TRY(environment_.choose_layout(static_cast<int>(desk_->playing.load())));
+    COMRAD_TRY(environment_.choose_layout(static_cast<int>(mailbox_->playing.load())));
   environment_.reset(episode_seed_);
   const EnvShape& shape = arena_.shape().trajectory.env;
   std::vector<int32_t> action(static_cast<std::size_t>(shape.num_agents * shape.head_count));
   for (uint32_t step = 0; step < length; ++step) {
-    const std::span<const uint8_t> recorded = arena_.journal_action(env_index_, static_cast<int>(step));
+    const std::span<const uint8_t> recorded = arena_.journals().action(env_index_, static_cast<int>(step));
     std::copy(recorded.begin(), recorded.end(), action.begin());
     environment_.step(action);
     if (environment_.last_step().episode_over())
@@ -91,20 +93,12 @@ Status EnvPort::begin_episode(uint64_t episode_id) {
 }
 
 /// Evaluation plays every layout in turn. Training asks the learner's curriculum every layout_swap_every
-/// episodes and stays where it is while no answer lies on the desk.
+/// episodes and stays where it is while no assignment lies in its mailbox.
 Status EnvPort::choose_layout(uint64_t episode_id) {
   if (rules_.layout_count == 0) return {};
   if (rules_.evaluate) return environment_.choose_layout(static_cast<int>(episode_id % rules_.layout_count));
-  if (episode_id % rules_.layout_swap_every == 0) {
-    const uint32_t granted = desk_->granted.load(std::memory_order_acquire);
-    if (granted != desk_->taken.load(std::memory_order_relaxed)) {
-      desk_->playing.store(desk_->layout_index.load(std::memory_order_relaxed), std::memory_order_relaxed);
-      desk_->taken.store(granted, std::memory_order_release);
-    } else {
-      desk_->late.fetch_add(1, std::memory_order_relaxed);
-    }
-  }
-  return environment_.choose_layout(static_cast<int>(desk_->playing.load(std::memory_order_relaxed)));
+  if (episode_id % rules_.layout_swap_every == 0) mailbox_->take_assignment();
+  return environment_.choose_layout(static_cast<int>(mailbox_->playing.load(std::memory_order_relaxed)));
 }
 
 void EnvPort::next_episode() {
@@ -118,33 +112,27 @@ void EnvPort::next_episode() {
     stage_ = Stage::kRow;
     return;
   }
-  arena_.abandon_slab(slab_index_);
+  arena_.slabs().abandon(slab_index_);
 }
 
 bool EnvPort::begin_slab(uint64_t rollouts_allowed) {
   if (!rules_.evaluate && rollout_index_ >= rollouts_allowed) return false;
-  const std::optional<uint32_t> slab_index = arena_.acquire_slab(sim_worker_);
+  const std::optional<uint32_t> slab_index = arena_.slabs().acquire(sim_worker_);
   if (!slab_index) return false;
   slab_index_ = *slab_index;
-  slab_ = arena_.slab(static_cast<int>(slab_index_));
+  slab_ = arena_.slabs().view(static_cast<int>(slab_index_));
   step_ = 0;
   final_count_ = 0;
   // Once a trajectory: in lock step the learner counts between two of them, so a resumed run has the same weights.
   if (!rules_.evaluate) environment_.set_env_frames(arena_.control().schedule_env_frames.load());
-  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab_index_));
+  shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slab_index_));
   header.env_index = static_cast<uint32_t>(env_index_);
   header.length = 0;
   std::atomic_signal_fence(std::memory_order_release);  // a kill must not leave our count with another's name
   header.rollout_index = rollout_index_;
   header.layout_id = environment_.layout_id();
   header.first_episode = {.episode_id = episode_id_, .episode_seed = episode_seed_};
-  const SlabOffsets& offsets = slab_.offsets();
-  const auto steps = static_cast<std::size_t>(slab_.shape().rollout_steps);
-  const auto agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
-  std::fill_n(slab_.at<float>(offsets.reward), steps * agents, 0.0f);
-  std::fill_n(slab_.at<int32_t>(offsets.final_index), steps, -1);
-  for (const int64_t flags : {offsets.terminated, offsets.truncated, offsets.valid})
-    std::fill_n(slab_.at<uint8_t>(flags), steps, uint8_t{0});
+  slab_.clear();
   return true;
 }
 
@@ -183,14 +171,14 @@ void EnvPort::act() {
   slab_.truncated(step_) = step.truncated;
   slab_.final_index(step_) = -1;
   slab_.layout_index(step_) = rules_.layout_count > 0 && !rules_.evaluate
-                                  ? static_cast<int32_t>(desk_->playing.load(std::memory_order_relaxed))
+                                  ? static_cast<int32_t>(mailbox_->playing.load(std::memory_order_relaxed))
                                   : 0;
   slab_.valid(step_) = 1;
   if (step.episode_over() && !rules_.evaluate) slab_.final_index(step_) = final_count_++;
   ++step_;
   ++step_id_;
   ++episode_step_;
-  arena_.slab_header(static_cast<int>(slab_index_)).length = static_cast<uint32_t>(step_);
+  arena_.slabs().header(static_cast<int>(slab_index_)).length = static_cast<uint32_t>(step_);
   journal_->step_id = step_id_;
   // Evaluation keeps one slab for ever and writes its rows round and round.
   if (rules_.evaluate && step_ == slab_.shape().rollout_steps) step_ = 0;
@@ -200,7 +188,8 @@ void EnvPort::act() {
 
 void EnvPort::append_to_journal(std::span<const int32_t> action) {
   if (journal_->length < static_cast<uint32_t>(arena_.shape().journal_steps)) {
-    const std::span<uint8_t> recorded = arena_.journal_action(env_index_, static_cast<int>(journal_->length));
+    const std::span<uint8_t> recorded =
+        arena_.journals().action(env_index_, static_cast<int>(journal_->length));
     for (std::size_t index = 0; index < recorded.size();
          ++index)  // what no head has, the environment takes as 0
       recorded[index] = action[index] < 0 || action[index] > 255 ? 0 : static_cast<uint8_t>(action[index]);
@@ -258,14 +247,14 @@ void EnvPort::push_record(const Step& last) {
     record.agent_score[agent] =
         agent < summary.agent_score.size() ? summary.agent_score[agent] : summary.score;
   }
-  (void)arena_.push_episode(record);  // a full ring counts what it drops
+  (void)arena_.episodes().push(record);  // a full ring counts what it drops
   if (rules_.layout_count == 0 || rules_.evaluate) return;
-  const uint64_t reported = desk_->reported.load(std::memory_order_relaxed);
-  desk_->outcome[reported % shm::kDeskOutcomes].store(
+  const uint64_t reported = mailbox_->reported.load(std::memory_order_relaxed);
+  mailbox_->outcome[reported % shm::kMailboxOutcomes].store(
       shm::pack_outcome(
-          {.layout_index = desk_->playing.load(std::memory_order_relaxed), .score = summary.score}),
+          {.layout_index = mailbox_->playing.load(std::memory_order_relaxed), .score = summary.score}),
       std::memory_order_release);
-  desk_->reported.store(reported + 1, std::memory_order_release);
+  mailbox_->reported.store(reported + 1, std::memory_order_release);
 }
 
 void EnvPort::mark_observed() {
@@ -292,8 +281,9 @@ void EnvPort::finish_slab(uint64_t rollouts_allowed) {
   const uint32_t sealed_index = slab_index_;
   const SlabView sealed = slab_;
   const int last_row = step_;
-  pad_slab(last_row);
-  arena_.slab_header(static_cast<int>(sealed_index)).length = static_cast<uint32_t>(last_row);
+  slab_.pad(last_row);
+  count_copied(static_cast<std::size_t>(slab_.shape().rollout_steps - last_row) * slab_.frames(0).size());
+  arena_.slabs().header(static_cast<int>(sealed_index)).length = static_cast<uint32_t>(last_row);
   journal_->rollout_index = ++rollout_index_;
   // The next slab is taken before this one is let go, because its last row is the next one's first. Without a
   // free slab the environment parks, and the row is rendered again from the unchanged world when one comes.
@@ -303,7 +293,7 @@ void EnvPort::finish_slab(uint64_t rollouts_allowed) {
   } else {
     stage_ = Stage::kParked;
   }
-  arena_.seal_slab(sealed_index);
+  arena_.slabs().seal(sealed_index);
 }
 
 void EnvPort::copy_observation(const ObservationTarget& from, const ObservationTarget& to) const {
@@ -316,25 +306,6 @@ void EnvPort::copy_observation(const ObservationTarget& from, const ObservationT
   std::memcpy(to.agent_active, from.agent_active, agents);
   if (to.global_state != nullptr)
     std::memcpy(to.global_state, from.global_state, slab_.global_state(0).size_bytes());
-}
-
-void EnvPort::pad_slab(int length) {
-  // A slab that was sealed early still holds an older rollout's bytes beyond its end. Repeating the last
-  // rows makes its content a function of this rollout alone, whatever the learner does with rows that are
-  // not valid.
-  const TrajectoryShape& shape = slab_.shape();
-  const std::size_t agents = static_cast<std::size_t>(shape.env.num_agents);
-  const std::size_t heads = static_cast<std::size_t>(shape.env.head_count);
-  for (int step = length; step < shape.rollout_steps; ++step) {
-    copy_observation(target_of_row(slab_, length), target_of_row(slab_, step + 1));
-    std::copy_n(slab_.action(length - 1, 0).data(), agents * heads, slab_.action(step, 0).data());
-    std::copy_n(slab_.logits(length - 1, 0).data(), agents * slab_.logits(0, 0).size(),
-                slab_.logits(step, 0).data());
-    slab_.layout_index(step) = slab_.layout_index(length - 1);
-    std::copy_n(&slab_.log_prob(length - 1, 0), agents, &slab_.log_prob(step, 0));
-    std::copy_n(&slab_.policy_version(length - 1, 0), agents, &slab_.policy_version(step, 0));
-    std::copy_n(&slab_.value(length, 0), agents, &slab_.value(step + 1, 0));
-  }
 }
 
 }  // namespace comrad::sim

@@ -7,7 +7,12 @@
 #include <span>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/trajectory.h"
+#include "rollout_buffer/shm/accounts.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/journal.h"
+#include "rollout_buffer/shm/layout_mailbox.h"
+#include "rollout_buffer/shm/step_slots.h"
 #include "sim_workers/env/environment.h"
 #include "sim_workers/worker/reward_rules.h"
 
@@ -84,7 +89,6 @@ class EnvPort {
   void push_record(const Step& last);
   bool begin_slab(uint64_t rollouts_allowed);
   void finish_slab(uint64_t rollouts_allowed);
-  void pad_slab(int length);
   void copy_observation(const ObservationTarget& from, const ObservationTarget& to) const;
 
   const shm::Arena& arena_;
@@ -94,7 +98,7 @@ class EnvPort {
   const int env_index_;
   shm::StepSlot* const slot_;
   shm::JournalHeader* const journal_;
-  shm::LayoutDesk* const desk_;
+  shm::LayoutMailbox* const mailbox_;
   shm::EnvAccount* const account_;
 
   Stage stage_ = Stage::kParked;

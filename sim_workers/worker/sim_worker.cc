@@ -7,6 +7,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/shm/is_stopping.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::sim {
 namespace {
@@ -87,9 +88,9 @@ Status SimWorker::run(const std::atomic<bool>& stop) {
         counters.decisions.fetch_add(static_cast<uint64_t>(play_round(split)) * agents,
                                      std::memory_order_relaxed);
         if (!failure_) return failure_;
-        is_idle &=
-            arena_.split_round(options_.worker_index, split).request_count.load(std::memory_order_relaxed) ==
-            0;
+        is_idle &= arena_.step_slots()
+                       .round(options_.worker_index, split)
+                       .request_count.load(std::memory_order_relaxed) == 0;
       }
       if (is_idle)
         wait_counted(arena_.control().slab_released, heard);  // every environment is parked or done
@@ -130,7 +131,7 @@ bool SimWorker::await_start(const std::atomic<bool>& stop) {
 bool SimWorker::await_answers(int split, const std::atomic<bool>& stop) {
   const shm::ArenaShape& shape = arena_.shape();
   shm::ControlBlock& control = arena_.control();
-  shm::Doorbell& acted = arena_.slots_acted(options_.worker_index, split);
+  shm::Doorbell& acted = arena_.step_slots().acted(options_.worker_index, split);
   while (!shm::is_stopping(stop, arena_)) {
     const uint32_t heard_state = shm::listen(control.run_state_changed);
     if (control.run_state.load(std::memory_order_acquire) == shm::RunState::kPaused) {
@@ -179,10 +180,13 @@ int SimWorker::play_round(int split) {
 
   uint32_t requests = 0;
   for (const EnvPort& port : ports) requests += port.wants_commit();
-  arena_.split_round(options_.worker_index, split).request_count.store(requests, std::memory_order_relaxed);
+  arena_.step_slots()
+      .round(options_.worker_index, split)
+      .request_count.store(requests, std::memory_order_relaxed);
   for (EnvPort& port : ports)
     if (port.wants_commit()) port.commit();
-  if (requests > 0) shm::ring(arena_.slots_ready(shape.policy_worker_of(options_.worker_index, split)));
+  if (requests > 0)
+    shm::ring(arena_.step_slots().ready(shape.policy_worker_of(options_.worker_index, split)));
   stage_.end(Stage::kHandOver);
   return stepped;
 }

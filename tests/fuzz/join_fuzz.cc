@@ -16,8 +16,12 @@
 #include "deploy/launch/control_door.h"
 #include "deploy/launch/metrics_page.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/shm/accounts.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 #include "tests/fuzz/input.h"
 
 namespace {
@@ -131,13 +135,13 @@ void adopt_arena_of(std::string_view bytes) {
   require(fcntl(memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) == 0);
   const Expected<shm::Arena> arena = shm::Arena::adopt(memory);
   if (!arena) return;
-  (void)arena->slab_counts();
-  (void)arena->decision_counts();
-  (void)arena->pop_episode();
-  for (const uint32_t slab : arena->drain_slabs(100)) arena->release_slab(slab);
+  (void)arena->slabs().counts();
+  (void)arena->accounts().counts();
+  (void)arena->episodes().pop();
+  for (const uint32_t slab : arena->slabs().drain(100)) arena->slabs().release(slab);
   for (int sim = 0; sim < arena->shape().sim_worker_count; ++sim) (void)arena->reclaim_sim_worker(sim);
   std::vector<std::byte> weights;
-  (void)arena->read_weights(weights);
+  (void)arena->weights().read(weights);
 }
 
 void ask_at_the_door(std::string_view bytes) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "rollout_buffer/shm/slab_pool.h"
+
 namespace comrad::simulation {
 namespace {
 
@@ -315,7 +317,7 @@ void Referee::judge_accounts(const deploy::Supervision& run, const shm::Arena* a
   const auto has_slab = [](uint64_t decisions) { return decisions > 0; };
   const auto least = std::ranges::count_if(ledger.in_hand, has_slab),
              most = least + std::ranges::count_if(ledger.orphaned, has_slab);
-  const int filling = arena->slab_counts().filling;
+  const int filling = arena->slabs().counts().filling;
   expect(least <= filling && filling <= most, "slabs",
          std::to_string(filling) + " slabs are being filled, not " + std::to_string(least));
 }

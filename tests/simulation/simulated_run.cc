@@ -4,6 +4,11 @@
 #include <climits>
 #include <cstring>
 
+#include "rollout_buffer/shm/accounts.h"
+#include "rollout_buffer/shm/learner_report.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
+
 namespace comrad::simulation {
 namespace {
 
@@ -170,8 +175,9 @@ const char* SimulatedRun::why_no_work(const Step& step) const {
                        !body(setting_.policy_of(step.place))->has_joined
                    ? "its policy worker is away"
                    : nullptr;
-      return setting_.trains() && !slabs_[sim] && effects_.arena().slab_counts().free == 0 ? "no slab is free"
-                                                                                           : nullptr;
+      return setting_.trains() && !slabs_[sim] && effects_.arena().slabs().counts().free == 0
+                 ? "no slab is free"
+                 : nullptr;
     case Verb::kAnswer:
       return setting_.is_policy(step.place) ? nullptr : "it is no policy worker";
     default:
@@ -180,9 +186,9 @@ const char* SimulatedRun::why_no_work(const Step& step) const {
   if (!setting_.is_learner(step.place)) return "it is not the learner";
   switch (step.verb) {
     case Verb::kTake:
-      return !is_at_work                            ? "the run is not at work"
-             : effects_.arena().sealed_count() == 0 ? "no slab is sealed"
-                                                    : nullptr;
+      return !is_at_work                                    ? "the run is not at work"
+             : effects_.arena().slabs().sealed_count() == 0 ? "no slab is sealed"
+                                                            : nullptr;
     case Verb::kTrain:
       return taken_.empty() ? "it has taken nothing" : nullptr;
     case Verb::kSnapshot:
@@ -223,13 +229,14 @@ Status SimulatedRun::apply(const Step& step) {
       play(step.place, static_cast<int>(step.number));
       break;
     case Verb::kAsk:
-      effects_.arena().slot(step.place).state.store(shm::SlotState::kInBatch);
+      effects_.arena().step_slots().slot(step.place).state.store(shm::SlotState::kInBatch);
       referee_.ledger.is_asking[static_cast<std::size_t>(step.place)] = true;
       break;
     case Verb::kAnswer:
       for (int sim = 0; sim < setting_.sims; ++sim) {
         if (setting_.policy_of(sim) != step.place) continue;
-        shm::advance(effects_.arena().slot(sim), shm::SlotState::kInBatch, shm::SlotState::kActed);
+        shm::advance(effects_.arena().step_slots().slot(sim), shm::SlotState::kInBatch,
+                     shm::SlotState::kActed);
         referee_.ledger.is_asking[static_cast<std::size_t>(sim)] = false;
       }
       counters(step.place).decisions += kAgents;
@@ -245,7 +252,7 @@ Status SimulatedRun::apply(const Step& step) {
       shm::LearnerReport report;
       report.decisions = referee_.ledger.counter;
       report.env_frames = 4 * report.decisions;
-      effects_.arena().publish_report(report);
+      effects_.arena().learner_reports().publish(report);
       (void)supervision_.meter().take_report();
       break;
     }
@@ -410,20 +417,20 @@ void SimulatedRun::play(int sim, int steps) {
   std::optional<uint32_t>& slab = slabs_[static_cast<std::size_t>(sim)];
   uint64_t& in_hand = ledger.in_hand[static_cast<std::size_t>(sim)];
   for (int step = 0; step < steps; ++step) {
-    if (!slab) slab = arena.acquire_slab(sim);
+    if (!slab) slab = arena.slabs().acquire(sim);
     if (!slab) return;  // it waits for the learner
-    arena.env_account(sim).made += 1;
+    arena.accounts().of(sim).made += 1;
     ledger.made += kAgents;
     in_hand += kAgents;
-    if (++arena.slab_header(static_cast<int>(*slab)).length < kSlabSteps) continue;
-    arena.seal_slab(*slab);
+    if (++arena.slabs().header(static_cast<int>(*slab)).length < kSlabSteps) continue;
+    arena.slabs().seal(*slab);
     slab.reset();
     ledger.sealed += std::exchange(in_hand, 0);
   }
 }
 
 void SimulatedRun::take() {
-  for (const uint32_t slab : effects_.arena().drain_slabs(1)) {
+  for (const uint32_t slab : effects_.arena().slabs().drain(1)) {
     taken_.push_back(slab);
     referee_.ledger.sealed -= kSlabSteps * kAgents;
     referee_.ledger.taken += kSlabSteps * kAgents;
@@ -432,7 +439,7 @@ void SimulatedRun::take() {
 
 void SimulatedRun::train() {
   Ledger& ledger = referee_.ledger;
-  for (const uint32_t slab : std::exchange(taken_, {})) effects_.arena().release_slab(slab);
+  for (const uint32_t slab : std::exchange(taken_, {})) effects_.arena().slabs().release(slab);
   const uint64_t decisions = std::exchange(ledger.taken, 0);
   ledger.trained += decisions;
   ledger.counter += decisions;

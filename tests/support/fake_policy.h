@@ -9,6 +9,8 @@
 
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::test {
 
@@ -47,7 +49,7 @@ class FakePolicy {
     const shm::ArenaShape& shape = arena_.shape();
     last_step_id_.assign(static_cast<std::size_t>(shape.env_count()), 0);
     while (!stop_.load()) {
-      shm::Doorbell& ready = arena_.slots_ready(policy_worker_);
+      shm::Doorbell& ready = arena_.step_slots().ready(policy_worker_);
       const uint32_t heard = shm::listen(ready);
       bool found = false;
       for (int sim = 0; sim < shape.sim_worker_count; ++sim)
@@ -62,24 +64,25 @@ class FakePolicy {
     std::vector<int> batch;
     for (int local = shape.split_begin(split); local < shape.split_end(split); ++local) {
       const int env = sim * shape.envs_per_worker + local;
-      if (arena_.slot(env).state.load(std::memory_order_acquire) == shm::SlotState::kReady)
+      if (arena_.step_slots().slot(env).state.load(std::memory_order_acquire) == shm::SlotState::kReady)
         batch.push_back(env);
     }
     if (batch.empty()) return false;
     if (lock_step_) {
-      const uint32_t wanted = arena_.split_round(sim, split).request_count.load(std::memory_order_acquire);
+      const uint32_t wanted =
+          arena_.step_slots().round(sim, split).request_count.load(std::memory_order_acquire);
       if (batch.size() > wanted) ++faults_;
       if (batch.size() < wanted) return false;
       batch_sizes_.push_back(wanted);
     }
     for (const int env : batch) {
-      shm::StepSlot& slot = arena_.slot(env);
+      shm::StepSlot& slot = arena_.step_slots().slot(env);
       if (!shm::advance(slot, shm::SlotState::kReady, shm::SlotState::kInBatch)) continue;
       answer(slot, env);
       shm::advance(slot, shm::SlotState::kInBatch, shm::SlotState::kActed);
       ++answers_;
     }
-    shm::ring(arena_.slots_acted(sim, split));
+    shm::ring(arena_.step_slots().acted(sim, split));
     return true;
   }
 
@@ -93,16 +96,16 @@ class FakePolicy {
       ++faults_;
       return;
     }
-    const shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slot.slab_index));
+    const shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slot.slab_index));
     if (header.env_index != static_cast<uint32_t>(env) || header.state.load() != shm::SlabState::kFilling)
       ++faults_;
     uint64_t& last_step_id = last_step_id_[static_cast<std::size_t>(env)];
     if (slot.step_id < last_step_id) ++faults_;
     last_step_id = slot.step_id;
 
-    const SlabView slab = arena_.slab(static_cast<int>(slot.slab_index));
-    const std::span<float> in = arena_.recurrent(env, slot.step_id),
-                           out = arena_.recurrent(env, slot.step_id + 1);
+    const SlabView slab = arena_.slabs().view(static_cast<int>(slot.slab_index));
+    const std::span<float> in = arena_.step_slots().recurrent(env, slot.step_id),
+                           out = arena_.step_slots().recurrent(env, slot.step_id + 1);
     const std::size_t width = in.size() / static_cast<std::size_t>(agents);
     for (int agent = 0; agent < agents; ++agent) {
       const std::size_t first = static_cast<std::size_t>(agent) * width;

@@ -22,6 +22,7 @@
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/settings/resolve.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "sim_workers/worker/sim_worker.h"
 #include "tests/support/scratch_folder.h"
 
@@ -181,7 +182,7 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
     std::deque<double> window;
     double sum = 0;
     while (!stop) {
-      while (const auto episode = of_workers.pop_episode()) {
+      while (const auto episode = of_workers.episodes().pop()) {
         window.push_back(static_cast<double>(episode->score));
         sum += window.back();
         if (window.size() > goal.episodes) sum -= window.front(), window.pop_front();

@@ -10,6 +10,8 @@
 #include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
 #include "tests/support/patience.h"
 
 namespace comrad::policy {
@@ -56,13 +58,13 @@ inline shm::Arena make_arena(const NetworkOptions& network, const ArenaOptions& 
 class FakeEnv {
  public:
   FakeEnv(const shm::Arena& arena, int env_index) : arena_(&arena), env_index_(env_index) {
-    const auto slab = arena.acquire_slab(env_index / arena.shape().envs_per_worker);
+    const auto slab = arena.slabs().acquire(env_index / arena.shape().envs_per_worker);
     EXPECT_TRUE(slab.has_value());
     slab_ = *slab;
   }
 
-  SlabView slab() const { return arena_->slab(static_cast<int>(slab_)); }
-  shm::StepSlot& slot() const { return arena_->slot(env_index_); }
+  SlabView slab() const { return arena_->slabs().view(static_cast<int>(slab_)); }
+  shm::StepSlot& slot() const { return arena_->step_slots().slot(env_index_); }
   int step() const { return step_; }
   uint64_t step_id() const { return step_id_; }
 
@@ -135,9 +137,11 @@ class FakeSplit {
   std::vector<FakeEnv> envs;
 
   void announce(size_t request_count) {
-    arena_->split_round(sim_worker_, split_).request_count.store(static_cast<uint32_t>(request_count));
+    arena_->step_slots().round(sim_worker_, split_).request_count.store(static_cast<uint32_t>(request_count));
   }
-  void ring() { shm::ring(arena_->slots_ready(arena_->shape().policy_worker_of(sim_worker_, split_))); }
+  void ring() {
+    shm::ring(arena_->step_slots().ready(arena_->shape().policy_worker_of(sim_worker_, split_)));
+  }
   void commit_act(bool reset_state = false) {
     announce(envs.size());
     for (FakeEnv& env : envs) env.commit_act(reset_state);
@@ -145,7 +149,7 @@ class FakeSplit {
   }
   /// Waits until every environment has its answer.
   bool await() {
-    shm::Doorbell& doorbell = arena_->slots_acted(sim_worker_, split_);
+    shm::Doorbell& doorbell = arena_->step_slots().acted(sim_worker_, split_);
     for (const double end_s = test::deadline_s(); monotonic_s() < end_s;) {
       const uint32_t heard = shm::listen(doorbell);
       bool done = true;

@@ -27,7 +27,11 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/shm/accounts.h"
 #include "rollout_buffer/shm/arena_socket.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/learner_report.h"
+#include "rollout_buffer/shm/slab_pool.h"
 
 namespace {
 
@@ -105,8 +109,9 @@ int main(int argc, char** argv) {
   if (role == "learner") control.learner_decisions_before = counters.decisions.load();
   counters.state = shm::WorkerState::kRunning;
   if (habits.contains("fill")) {
-    if (const auto slab = arena->acquire_slab(index)) arena->slab_header(static_cast<int>(*slab)).length = 5;
-    arena->env_account(index * arena->shape().envs_per_worker).made += 5;
+    if (const auto slab = arena->slabs().acquire(index))
+      arena->slabs().header(static_cast<int>(*slab)).length = 5;
+    arena->accounts().of(index * arena->shape().envs_per_worker).made += 5;
   }
   const uint64_t episode_count = habits.contains("episodes") ? std::stoull(habits["episodes"]) : 0;
   double running_since_s = 0;
@@ -120,7 +125,7 @@ int main(int argc, char** argv) {
         if (role == "learner") usleep(300'000);  // simulators collect a first batch
       }
       // As if the simulators had sealed just what it takes.
-      shm::EnvAccount& account = arena->env_account(arena->shape().env_count() - 1);
+      shm::EnvAccount& account = arena->accounts().of(arena->shape().env_count() - 1);
       if (role == "learner")
         for (auto* count : {&account.made, &account.sealed, &account.taken}) *count += 32;
       counters.decisions += role == "learner" ? 64 : 10;
@@ -135,7 +140,7 @@ int main(int argc, char** argv) {
         record.terminated = 1;
         record.score = static_cast<float>(episodes);
         record.agent_return[1] = -1.0f;
-        arena->push_episode(record);
+        arena->episodes().push(record);
       }
       if (role == "learner") {
         report.env_frames += 256;
@@ -148,7 +153,7 @@ int main(int argc, char** argv) {
         report.decisions_per_s = 1280;
         std::strcpy(report.last_checkpoint, "checkpoint/fake.pt");
         control.learner_env_frames.store(report.env_frames);
-        arena->publish_report(report);
+        arena->learner_reports().publish(report);
       }
       if (habits.contains("finish") && monotonic_s() - running_since_s > 1e-3 * std::stod(habits["finish"])) {
         control.goal_reached = 1;

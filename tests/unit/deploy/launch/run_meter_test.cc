@@ -1,4 +1,6 @@
 #include "deploy/launch/run_meter.h"
+#include "rollout_buffer/shm/accounts.h"
+#include "rollout_buffer/shm/learner_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -31,7 +33,7 @@ class RunMeterTest : public ::testing::Test {
   void report(double lag) const {
     shm::LearnerReport report;
     report.policy_lag_mean = lag;
-    arena_.publish_report(report);
+    arena_.learner_reports().publish(report);
   }
 
   shm::Arena arena_ = *shm::Arena::create(test::small_arena_shape(), 1);
@@ -83,7 +85,7 @@ TEST_F(RunMeterTest, HowFullTheReplayIsComesFromTheLearnersReport) {
        {std::pair(0.25, 0.25), {1.0, 1.0}, {0.0, 0.0}, {-3.0, 1.0}, {7.0, 1.0}, {std::nan(""), 1.0}}) {
     shm::LearnerReport report;
     report.replay_filled = told;
-    arena_.publish_report(report);
+    arena_.learner_reports().publish(report);
     ASSERT_TRUE(meter.take_report());
     EXPECT_EQ(meter.replay_filled(), shown) << told;
   }
@@ -208,7 +210,7 @@ TEST_F(RunMeterTest, AnEpisodePlayedTwiceCountsOnce) {
 TEST_F(RunMeterTest, AccountsNameEveryDecisionOfADeadLearner) {
   RunMeter meter(plan_);
   meter.use(&arena_);
-  shm::EnvAccount& account = arena_.env_account(3);  // two agents: two decisions a step
+  shm::EnvAccount& account = arena_.accounts().of(3);  // two agents: two decisions a step
   account.made = 500, account.sealed = 480, account.taken = 400;
   learner_says(0, 0, 1);
   (void)meter.count();
@@ -246,7 +248,7 @@ TEST_F(RunMeterTest, AccountsNameEveryDecisionOfADeadLearner) {
 TEST_F(RunMeterTest, AnArenaThatIsGivenUpLosesWhatLayInItAndALearnerThatCountsTooMuchIsSeen) {
   RunMeter meter(plan_);
   meter.use(&arena_);
-  arena_.env_account(0).made = arena_.env_account(0).sealed = 50;
+  arena_.accounts().of(0).made = arena_.accounts().of(0).sealed = 50;
   learner_says(0, 0, 1);
   arena_.learner_counters().decisions = 30;
   (void)meter.count();

@@ -13,6 +13,7 @@
 #include "deploy/launch/run_report.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/metrics/learner_messages.h"
+#include "rollout_buffer/shm/learner_report.h"
 #include "tests/simulation/simulated_host.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/small_arena.h"
@@ -85,7 +86,7 @@ TEST_F(WorkerTableTest, AWorkerThatStandsStillIsNamedAndTheRateIsZeroWhenNoneIsL
   shm::LearnerReport report;
   report.learner_version = 4, report.env_frames = 1024, report.env_frames_per_s = 5120,
   report.decisions_per_s = 1280;
-  arena_.publish_report(report);
+  arena_.learner_reports().publish(report);
   ASSERT_TRUE(meter.take_report());
   RunEvaluationFolder evaluations(plan_.run_dir);
   const Evaluator evaluator(plan_, clock_, host_, evaluations);

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "learner/algorithms/algorithm.h"
+#include "rollout_buffer/shm/layout_mailbox.h"
 #include "tests/support/noise_batch.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/slab_pool.h"
@@ -63,20 +64,20 @@ class LayoutServiceTest : public ::testing::Test {
   }
   /// What a simulator does at the end of an episode.
   void report(int env, float score) const {
-    shm::LayoutDesk& desk = arena_.layout_desk(env);
-    const uint64_t reported = desk.reported.load();
-    desk.outcome[reported % shm::kDeskOutcomes] =
-        shm::pack_outcome({.layout_index = desk.playing.load(), .score = score});
-    desk.reported = reported + 1;
+    shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(env);
+    const uint64_t reported = mailbox.reported.load();
+    mailbox.outcome[reported % shm::kMailboxOutcomes] =
+        shm::pack_outcome({.layout_index = mailbox.playing.load(), .score = score});
+    mailbox.reported = reported + 1;
   }
   /// What it does when its next layout is due.
   uint32_t take(int env) const {
-    shm::LayoutDesk& desk = arena_.layout_desk(env);
-    if (desk.granted.load() != desk.taken.load()) {
-      desk.playing = desk.layout_index.load();
-      desk.taken = desk.granted.load();
+    shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(env);
+    if (mailbox.assigned.load() != mailbox.taken.load()) {
+      mailbox.playing = mailbox.layout_index.load();
+      mailbox.taken = mailbox.assigned.load();
     }
-    return desk.playing.load();
+    return mailbox.playing.load();
   }
 
   const test::ScratchFolder folder_;
@@ -94,16 +95,17 @@ TEST_F(LayoutServiceTest, GrantsOneLayoutToEachEnvironmentAndWaitsUntilItIsTaken
   service->serve(arena_);
   std::vector<uint32_t> first;
   for (int env = 0; env < 8; ++env) {
-    EXPECT_EQ(arena_.layout_desk(env).granted.load(), 1u);
-    first.push_back(arena_.layout_desk(env).layout_index.load());
+    EXPECT_EQ(arena_.layout_mailboxes().of(env).assigned.load(), 1u);
+    first.push_back(arena_.layout_mailboxes().of(env).layout_index.load());
     EXPECT_LT(first.back(), 4u);
   }
   EXPECT_GT(std::set<uint32_t>(first.begin(), first.end()).size(), 1u);
   service->serve(arena_);
-  for (int env = 0; env < 8; ++env) EXPECT_EQ(arena_.layout_desk(env).granted.load(), 1u);
+  for (int env = 0; env < 8; ++env) EXPECT_EQ(arena_.layout_mailboxes().of(env).assigned.load(), 1u);
   EXPECT_EQ(take(3), first[3]);
   service->serve(arena_);
-  for (int env = 0; env < 8; ++env) EXPECT_EQ(arena_.layout_desk(env).granted.load(), env == 3 ? 2u : 1u);
+  for (int env = 0; env < 8; ++env)
+    EXPECT_EQ(arena_.layout_mailboxes().of(env).assigned.load(), env == 3 ? 2u : 1u);
 }
 
 TEST_F(LayoutServiceTest, OutcomesReachTheCurriculumUnderTheirLayout) {
@@ -126,18 +128,18 @@ TEST_F(LayoutServiceTest, OutcomesReachTheCurriculumUnderTheirLayout) {
 
 TEST_F(LayoutServiceTest, DamagedAndOverwrittenOutcomesAreCountedAndDoNoHarm) {
   const auto service = open();
-  shm::LayoutDesk& desk = arena_.layout_desk(1);
-  desk.outcome[0] = shm::pack_outcome({.layout_index = 99, .score = 1.0f});
-  desk.outcome[1] = shm::pack_outcome({.layout_index = 2, .score = std::nanf("")});
-  desk.outcome[2] = shm::pack_outcome({.layout_index = 2, .score = 0.5f});
-  desk.reported = 3;
+  shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(1);
+  mailbox.outcome[0] = shm::pack_outcome({.layout_index = 99, .score = 1.0f});
+  mailbox.outcome[1] = shm::pack_outcome({.layout_index = 2, .score = std::nanf("")});
+  mailbox.outcome[2] = shm::pack_outcome({.layout_index = 2, .score = 0.5f});
+  mailbox.reported = 3;
   service->serve(arena_);
   EXPECT_EQ(std::accumulate(service->curriculum().episode_counts().begin(),
                             service->curriculum().episode_counts().end(), int64_t{0}),
             1);
   for (int i = 0; i < 20; ++i) report(1, 0.25f);
   service->serve(arena_);
-  EXPECT_EQ(desk.heard.load(), 23u);
+  EXPECT_EQ(mailbox.heard.load(), 23u);
   std::vector<std::pair<std::string, double>> metrics;
   service->append_to(metrics);
   std::map<std::string, double> by_name(metrics.begin(), metrics.end());
@@ -167,10 +169,13 @@ TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {
   ASSERT_TRUE(loaded) << loaded.error().message;
   ASSERT_TRUE(second->restore_desks(fresh));
   for (int env = 0; env < 8; ++env) {
-    EXPECT_EQ(fresh.layout_desk(env).playing.load(), arena_.layout_desk(env).playing.load());
-    EXPECT_EQ(fresh.layout_desk(env).layout_index.load(), arena_.layout_desk(env).layout_index.load());
-    EXPECT_EQ(fresh.layout_desk(env).granted.load(), arena_.layout_desk(env).granted.load());
-    EXPECT_EQ(fresh.layout_desk(env).taken.load(), arena_.layout_desk(env).taken.load());
+    EXPECT_EQ(fresh.layout_mailboxes().of(env).playing.load(),
+              arena_.layout_mailboxes().of(env).playing.load());
+    EXPECT_EQ(fresh.layout_mailboxes().of(env).layout_index.load(),
+              arena_.layout_mailboxes().of(env).layout_index.load());
+    EXPECT_EQ(fresh.layout_mailboxes().of(env).assigned.load(),
+              arena_.layout_mailboxes().of(env).assigned.load());
+    EXPECT_EQ(fresh.layout_mailboxes().of(env).taken.load(), arena_.layout_mailboxes().of(env).taken.load());
   }
   for (int i = 0; i < 50; ++i) ASSERT_EQ(first->curriculum().draw(), second->curriculum().draw());
   EXPECT_EQ(first->curriculum().state(), second->curriculum().state());

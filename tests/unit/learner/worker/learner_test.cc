@@ -27,7 +27,12 @@
 #include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/journal.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 #include "tests/support/documented_metrics.h"
 #include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
@@ -121,34 +126,34 @@ class FakeSimulator {
       if (allowed > 0 && !has_begun) {
         has_begun = true;
         for (int env = 0; env < env_count; ++env)
-          if (arena_.journal(env).is_resume != 0)
-            next[static_cast<std::size_t>(env)] = arena_.journal(env).rollout_index;
+          if (arena_.journals().header(env).is_resume != 0)
+            next[static_cast<std::size_t>(env)] = arena_.journals().header(env).rollout_index;
       }
       bool idle = true;
       for (int env = env_count - 1; env >= 0; --env) {  // sealed in an order that is not the learner's
         uint64_t& rollout = next[static_cast<std::size_t>(env)];
         if (rollout >= allowed) continue;
-        const auto slab = arena_.acquire_slab(0);
+        const auto slab = arena_.slabs().acquire(0);
         if (!slab) break;
         idle = false;
-        shm::SlabHeader& header = arena_.slab_header(static_cast<int>(*slab));
+        shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(*slab));
         header.env_index = static_cast<uint32_t>(env);
         header.length = static_cast<uint32_t>(arena_.shape().trajectory.rollout_steps);
         header.rollout_index = rollout;
-        fill_slab(arena_.slab(static_cast<int>(*slab)), static_cast<uint64_t>(env), rollout,
+        fill_slab(arena_.slabs().view(static_cast<int>(*slab)), static_cast<uint64_t>(env), rollout,
                   arena_.control().policy_version.load());
-        if (!is_sound_) std::ranges::fill(valid_of(arena_.slab(static_cast<int>(*slab))), uint8_t{0});
+        if (!is_sound_) std::ranges::fill(valid_of(arena_.slabs().view(static_cast<int>(*slab))), uint8_t{0});
         ++rollout;
-        shm::JournalHeader& journal = arena_.journal(env);
+        shm::JournalHeader& journal = arena_.journals().header(env);
         journal.episode_seed = 1000 + static_cast<uint64_t>(env);
         journal.episode_id = 3;
         journal.length = 5;
         journal.step_id = rollout * 4;
         for (int step = 0; step < 5; ++step)
-          for (uint8_t& action : arena_.journal_action(env, step)) action = static_cast<uint8_t>(step);
-        for (float& x : arena_.recurrent(env, 0)) x = static_cast<float>(rollout);
+          for (uint8_t& action : arena_.journals().action(env, step)) action = static_cast<uint8_t>(step);
+        for (float& x : arena_.step_slots().recurrent(env, 0)) x = static_cast<float>(rollout);
         std::atomic_ref<uint64_t>(journal.rollout_index).store(rollout);
-        arena_.seal_slab(*slab);
+        arena_.slabs().seal(*slab);
       }
       if (idle) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
@@ -231,7 +236,7 @@ class LearnerTest : public ::testing::Test {
     outcome.version = (*learner)->algorithm().version();
     outcome.weights = (*learner)->algorithm().weights();
     std::vector<std::byte> published;
-    const auto version = observer.read_weights(published);
+    const auto version = observer.weights().read(published);
     EXPECT_TRUE(version);
     outcome.published = *version;
     // What was learned of a rollout that is given up, nobody hears of.
@@ -562,7 +567,7 @@ TEST_F(LearnerTest, ReportsUnderTheNamesThatDashboardsKnowAndTheDocumentExplains
   before_run_ = [](const shm::Arena& arena) {
     shm::EpisodeRecord episode{};
     episode.score = 7, episode.ceiling = 14, episode.length_tics = 40;
-    EXPECT_TRUE(arena.forward_episode(episode));
+    EXPECT_TRUE(arena.episodes().forward(episode));
     shm::WorkerCounters& inference = arena.policy_counters(0);
     inference.decisions = 60, inference.batches = 10;
     inference.wait_ns = 20'000'000, inference.busy_ns = 30'000'000;
@@ -710,14 +715,14 @@ TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {
   ASSERT_TRUE(learner) << learner.error().message;
   EXPECT_EQ(observer.control().rollouts_allowed.load(), 3u);
   for (int env = 0; env < 4; ++env) {
-    const shm::JournalHeader& journal = observer.journal(env);
+    const shm::JournalHeader& journal = observer.journals().header(env);
     EXPECT_EQ(journal.is_resume, 1u);
     EXPECT_EQ(journal.episode_seed, 1000u + static_cast<uint64_t>(env));
     EXPECT_EQ(journal.rollout_index, 2u);
     EXPECT_EQ(journal.step_id, 8u);
     EXPECT_EQ(journal.length, 5u);
-    EXPECT_EQ(observer.journal_action(env, 4)[1], 4);
-    EXPECT_EQ(observer.recurrent(env, 0)[3], 2.0f);
+    EXPECT_EQ(observer.journals().action(env, 4)[1], 4);
+    EXPECT_EQ(observer.step_slots().recurrent(env, 0)[3], 2.0f);
   }
 }
 
@@ -782,10 +787,11 @@ TEST_F(LearnerTest, AStalledLearnerBoundsWhatIsCollected) {
   arena->control().rollouts_allowed = UINT64_MAX;
   FakeSimulator simulator(*arena);
   BatchQueue queue(*arena, 2, 2);
-  EXPECT_TRUE(test::wait_until([&] { return queue.waiting() >= 2 && arena->sealed_count() >= 16; }));
-  EXPECT_FALSE(test::wait_until([&] { return queue.waiting() > 2 || arena->sealed_count() > 16; }, 0.1));
+  EXPECT_TRUE(test::wait_until([&] { return queue.waiting() >= 2 && arena->slabs().sealed_count() >= 16; }));
+  EXPECT_FALSE(
+      test::wait_until([&] { return queue.waiting() > 2 || arena->slabs().sealed_count() > 16; }, 0.1));
   EXPECT_EQ(queue.waiting(), 2);
-  EXPECT_EQ(arena->sealed_count(), 16);
+  EXPECT_EQ(arena->slabs().sealed_count(), 16);
   std::unique_ptr<RolloutBatch> batch = queue.pop(1000);
   ASSERT_NE(batch, nullptr);
   EXPECT_EQ(batch->transitions, 16);

@@ -15,6 +15,7 @@
 
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/shm/step_slots.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
@@ -61,7 +62,7 @@ Answer answer_of(const shm::Arena& arena, const FakeEnv& env, int env_index, int
     for (float x : slab.recurrent_state(0, agent)) answer.numbers.push_back(x);
     answer.versions.push_back(slab.policy_version(step, agent));
   }
-  for (float x : arena.recurrent(env_index, env.step_id() + 1)) answer.numbers.push_back(x);
+  for (float x : arena.step_slots().recurrent(env_index, env.step_id() + 1)) answer.numbers.push_back(x);
   return answer;
 }
 
@@ -72,7 +73,7 @@ TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
   Batcher batcher = make_batcher(arena);
   FakeSplit split(arena, 0, 0);
   for (FakeEnv& env : split.envs)
-    for (float& x : arena.recurrent(&env == &split.envs[0] ? 0 : 1, 0)) x = 0.25f;
+    for (float& x : arena.step_slots().recurrent(&env == &split.envs[0] ? 0 : 1, 0)) x = 0.25f;
   split.commit_act();
   ASSERT_EQ(answer_once(batcher, net), 2u);
   for (int index = 0; index < 2; ++index) {
@@ -88,9 +89,10 @@ TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
         EXPECT_NEAR(slab.logits(0, agent)[static_cast<size_t>(k)], expected.logits[0][k].item<float>(), 1e-5);
       for (size_t k = 0; k < 32; ++k) {
         EXPECT_EQ(slab.recurrent_state(0, agent)[k], 0.25f) << "row 0 keeps the input state";
-        EXPECT_NEAR(arena.recurrent(index, 1)[static_cast<size_t>(agent) * 32 + k],
+        EXPECT_NEAR(arena.step_slots().recurrent(index, 1)[static_cast<size_t>(agent) * 32 + k],
                     expected.recurrent_state[0][static_cast<int64_t>(k)].item<float>(), 1e-5);
-        EXPECT_EQ(arena.recurrent(index, 0)[static_cast<size_t>(agent) * 32 + k], 0.25f) << "the input stays";
+        EXPECT_EQ(arena.step_slots().recurrent(index, 0)[static_cast<size_t>(agent) * 32 + k], 0.25f)
+            << "the input stays";
       }
       EXPECT_LE(slab.log_prob(0, agent), 0.0f);
       EXPECT_EQ(slab.policy_version(0, agent), 9u);
@@ -173,7 +175,7 @@ TEST(Batcher, AFirstDecisionStartsFromTheZeroState) {
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1});
   Batcher batcher = make_batcher(arena);
   FakeSplit split(arena, 0, 0);
-  for (float& x : arena.recurrent(0, 0)) x = 5.0f;
+  for (float& x : arena.step_slots().recurrent(0, 0)) x = 5.0f;
   split.envs[0].slab().recurrent_state(0, 0)[0] = 7.0f;
   split.commit_act(/*reset_state=*/true);
   const Batch& batch = batcher.gather(0);
@@ -197,7 +199,7 @@ TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
     for (size_t k = 0; step > 0 && k < 16; ++k)
       EXPECT_EQ(split.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k])
           << "snapshot of step " << step;
-    const auto state = arena.recurrent(0, static_cast<uint64_t>(step) + 1);
+    const auto state = arena.step_slots().recurrent(0, static_cast<uint64_t>(step) + 1);
     after.assign(state.begin(), state.end());
     split.take_act();
   }
@@ -211,8 +213,8 @@ TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
   FakeSplit split(arena, 0, 0);
   FakeEnv &full = split.envs[0], &truncated = split.envs[1];
   for (int env = 0; env < 2; ++env) {
-    for (float& x : arena.recurrent(env, 0)) x = 0.5f;
-    for (float& x : arena.recurrent(env, 1)) x = -1.0f;
+    for (float& x : arena.step_slots().recurrent(env, 0)) x = 0.5f;
+    for (float& x : arena.step_slots().recurrent(env, 1)) x = -1.0f;
   }
   const int last = arena.shape().trajectory.rollout_steps;
   for (int agent = 0; agent < 2; ++agent) {
@@ -241,8 +243,8 @@ TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
                 net.step(frame, measurement, torch::full({1, 16}, 0.5)).value.item<float>(), 1e-5);
   }
   for (int env = 0; env < 2; ++env) {
-    for (float x : arena.recurrent(env, 0)) EXPECT_EQ(x, 0.5f);
-    for (float x : arena.recurrent(env, 1)) EXPECT_EQ(x, -1.0f);
+    for (float x : arena.step_slots().recurrent(env, 0)) EXPECT_EQ(x, 0.5f);
+    for (float x : arena.step_slots().recurrent(env, 1)) EXPECT_EQ(x, -1.0f);
   }
 }
 
@@ -390,9 +392,9 @@ TEST(Batcher, RefusesIndicesOutOfRange) {
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
   FakeSplit split(arena, 0, 0);
   split.commit_act();
-  arena.slot(0).slab_index = 1u << 30;
-  arena.slot(1).step = 4;  // T: a row without an action
-  arena.slot(2).kind = static_cast<RequestKind>(77);
+  arena.step_slots().slot(0).slab_index = 1u << 30;
+  arena.step_slots().slot(1).step = 4;  // T: a row without an action
+  arena.step_slots().slot(2).kind = static_cast<RequestKind>(77);
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), 1u);
   EXPECT_EQ(batch.requests[0].env_index, 3);
@@ -409,9 +411,9 @@ TEST(Batcher, ASlotTakenAwayMeanwhileIsNotAnswered) {
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), 2u);
   split.envs[0].slab().value(0, 0) = 99.0f;
-  arena.slot(0).state.store(SlotState::kIdle);  // the supervisor idled a dead simulator's slot
+  arena.step_slots().slot(0).state.store(SlotState::kIdle);  // the supervisor idled a dead simulator's slot
   batcher.scatter_random(batch);
-  EXPECT_EQ(arena.slot(0).state.load(), SlotState::kIdle);
+  EXPECT_EQ(arena.step_slots().slot(0).state.load(), SlotState::kIdle);
   EXPECT_EQ(split.envs[0].slab().value(0, 0), 99.0f);
   EXPECT_TRUE(split.envs[1].has_answer());
 }
@@ -552,7 +554,7 @@ TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
     const shm::Arena arena = make_arena(options, {.envs_per_worker = 4, .splits = 1});
     FakeSplit split(arena, 0, 0);
     for (int env = 0; env < 4; ++env)
-      for (float& x : arena.recurrent(env, 0)) x = 0.1f * static_cast<float>(env);
+      for (float& x : arena.step_slots().recurrent(env, 0)) x = 0.1f * static_cast<float>(env);
     split.commit_act();
     if (killed) {
       const pid_t child = fork();
@@ -567,13 +569,14 @@ TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
           std::ranges::fill(env.slab().action(0, 0), 12345);
           env.slab().log_prob(0, 1) = -77.0f;
         }
-        std::ranges::fill(arena.recurrent(2, 1), 1e9f);
+        std::ranges::fill(arena.step_slots().recurrent(2, 1), 1e9f);
         raise(SIGKILL);
       }
       int status = 0;
       ASSERT_EQ(waitpid(child, &status, 0), child);
       ASSERT_TRUE(WIFSIGNALED(status));
-      for (int env = 0; env < 4; ++env) ASSERT_EQ(arena.slot(env).state.load(), SlotState::kInBatch);
+      for (int env = 0; env < 4; ++env)
+        ASSERT_EQ(arena.step_slots().slot(env).state.load(), SlotState::kInBatch);
     }
     Batcher successor = make_batcher(arena);
     EXPECT_EQ(successor.adopt_orphans(), killed ? 4 : 0);
@@ -593,7 +596,7 @@ TEST(Batcher, ARoundThatAKilledWorkerHandedBackInPartIsFinishedInLockStep) {
   {
     Batcher dead = make_batcher(arena, {.is_deterministic = true});
     ASSERT_EQ(dead.gather(0).requests.size(), 3u);
-    arena.slot(0).state.store(SlotState::kActed);  // one slot was handed back, then it died
+    arena.step_slots().slot(0).state.store(SlotState::kActed);  // one slot was handed back, then it died
   }
   Batcher successor = make_batcher(arena, {.is_deterministic = true});
   EXPECT_EQ(successor.adopt_orphans(), 2);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "policy_workers/device/torch_ops.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
@@ -21,7 +22,7 @@ TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
   for (const PolicyVersion version :
        {0u, 1u, 2u}) {  // version 0: a network that no optimizer step has touched
     learner.update_input_statistics(torch::randint(0, 256, {3, 3, 40, 44}, torch::kUInt8), {});
-    arena.publish_weights(learner.weights(), version);
+    arena.weights().publish(learner.weights(), version);
     refreshed = receiver.refresh(policy);
     ASSERT_TRUE(refreshed) << refreshed.error().message;
     EXPECT_TRUE(*refreshed);
@@ -39,7 +40,7 @@ TEST(WeightsReceiver, RefusesWeightsOfAnotherNetworkAndKeepsItsOwn) {
   const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
   WeightsReceiver receiver(arena);
   const std::vector<std::byte> own = policy.weights();
-  arena.publish_weights(std::vector<std::byte>(own.size() - 4), 1);
+  arena.weights().publish(std::vector<std::byte>(own.size() - 4), 1);
   const auto refreshed = receiver.refresh(policy);
   ASSERT_FALSE(refreshed);
   EXPECT_EQ(refreshed.error().code, ErrorCode::kBadFormat);
@@ -52,10 +53,10 @@ TEST(WeightsReceiver, KnowsHowFarBehindTheNetworkIs) {
   const ActorCritic policy = ActorCritic::create(options, 2, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
   WeightsReceiver receiver(arena);
-  arena.publish_weights(policy.weights(), 4);
+  arena.weights().publish(policy.weights(), 4);
   ASSERT_TRUE(receiver.refresh(policy));
   EXPECT_EQ(receiver.behind(), 0u);
-  arena.publish_weights(policy.weights(), 7);
+  arena.weights().publish(policy.weights(), 7);
   EXPECT_EQ(receiver.behind(), 3u);
   ASSERT_TRUE(receiver.refresh(policy));
   EXPECT_EQ(receiver.behind(), 0u);

@@ -15,6 +15,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/seat_plan.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 #include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
@@ -32,7 +33,7 @@ RunConfig small_config() {
 }
 
 void publish(const shm::Arena& arena, const ActorCritic& net, PolicyVersion version) {
-  arena.publish_weights(net.weights(), version);
+  arena.weights().publish(net.weights(), version);
 }
 
 /// A policy worker that runs in a thread until the run stops.
@@ -181,7 +182,7 @@ TEST(PolicyWorker, EverySeatIsPlayedByItsOwnNetwork) {
     std::ranges::copy(net->weights(), std::back_inserter(bytes));
   }
   const shm::Arena arena = make_arena(roomy, {}, static_cast<int64_t>(bytes.size()));
-  arena.publish_weights(bytes, 1);
+  arena.weights().publish(bytes, 1);
   FakeSplit split(arena, 0, 0);
   RunningWorker worker(small_config(), arena, {.seats_of = folder.string(), .is_evaluation = true});
   Tensor happo_state = torch::zeros({2, 32}), vdn_state = torch::zeros({2, 40});

@@ -16,6 +16,8 @@
 #include "rollout_buffer/link/frame_sender.h"
 #include "rollout_buffer/link/frame_stream.h"
 #include "rollout_buffer/shm/futex.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
 #include "tests/support/patience.h"
 
 namespace comrad::link {
@@ -40,8 +42,11 @@ shm::ArenaShape small_arena(int workers) {
   return shape;
 }
 
-shm::Arena make_arena(int workers, uint64_t run_id) {
-  auto arena = shm::Arena::create(small_arena(workers), run_id);
+/// The last `guests` of the workers are played by the far end.
+shm::Arena make_arena(int workers, uint64_t run_id, int guests = 0) {
+  shm::ArenaShape shape = small_arena(workers);
+  shape.guest_worker_count = shape.frame_guest_count = guests;
+  auto arena = shm::Arena::create(shape, run_id);
   EXPECT_TRUE(arena) << arena.error().message;
   arena->control().run_state = shm::RunState::kRunning;
   return std::move(arena).value();
@@ -57,13 +62,13 @@ int32_t choice_of(uint8_t pixel, int agent, int head) { return (pixel + agent + 
 /// The policy worker of an arena: its actions are a function of the pixels.
 void answer(const shm::Arena& arena) {
   while (arena.control().run_state.load() != shm::RunState::kStopping) {
-    const uint32_t heard = shm::listen(arena.slots_ready(0));
+    const uint32_t heard = shm::listen(arena.step_slots().ready(0));
     bool has_answered = false;
     const shm::ArenaShape& shape = arena.shape();
     for (int env = 0; env < shape.env_count(); ++env) {
-      shm::StepSlot& slot = arena.slot(env);
+      shm::StepSlot& slot = arena.step_slots().slot(env);
       if (!shm::advance(slot, SlotState::kReady, SlotState::kInBatch)) continue;
-      const SlabView slab = arena.slab(static_cast<int>(slot.slab_index));
+      const SlabView slab = arena.slabs().view(static_cast<int>(slot.slab_index));
       const int step = static_cast<int>(slot.step);
       if (slot.kind == RequestKind::kAct)
         for (int agent = 0; agent < 2; ++agent)
@@ -72,10 +77,10 @@ void answer(const shm::Arena& arena) {
                 choice_of(slab.frame(step, agent)[0], agent, head);
       shm::advance(slot, SlotState::kInBatch, SlotState::kActed);
       const int local = env % shape.envs_per_worker;
-      shm::ring(arena.slots_acted(env / shape.envs_per_worker, local >= shape.split_begin(1) ? 1 : 0));
+      shm::ring(arena.step_slots().acted(env / shape.envs_per_worker, local >= shape.split_begin(1) ? 1 : 0));
       has_answered = true;
     }
-    if (!has_answered) shm::wait(arena.slots_ready(0), heard, 1000);
+    if (!has_answered) shm::wait(arena.step_slots().ready(0), heard, 1000);
   }
 }
 
@@ -104,7 +109,7 @@ struct Player {
     uint64_t last = 0;
     for (double end_s = test::deadline_s(); !is_done() && monotonic_s() < end_s; usleep(20)) {
       for (int index = 0; index < 4; ++index) turn(index, envs[static_cast<std::size_t>(index)]);
-      shm::ring(arena.slots_ready(0));
+      shm::ring(arena.step_slots().ready(0));
       if (const uint64_t now = finished(); now != last) last = now, end_s = test::deadline_s();
     }
     EXPECT_TRUE(is_done()) << "the link stands still";
@@ -113,11 +118,11 @@ struct Player {
   template <typename Env>
   void turn(int index, Env& env) {
     if (env.rollout == first_rollout + rollouts) return;
-    shm::StepSlot& slot = arena.slot(index);
+    shm::StepSlot& slot = arena.step_slots().slot(index);
     if (env.is_out) {
       if (!shm::advance(slot, SlotState::kActed, SlotState::kIdle)) return;
       env.is_out = false;
-      const SlabView slab = arena.slab(static_cast<int>(env.slab));
+      const SlabView slab = arena.slabs().view(static_cast<int>(env.slab));
       if (slot.kind == RequestKind::kAct) {
         for (int agent = 0; agent < 2; ++agent)
           for (int head = 0; head < 2; ++head)
@@ -129,23 +134,23 @@ struct Player {
         ++env.step, ++env.step_id;
         arena.sim_counters(0).decisions.fetch_add(2);
       } else {
-        arena.slab_header(static_cast<int>(env.slab)).length = static_cast<uint32_t>(env.step);
-        arena.seal_slab(env.slab);
+        arena.slabs().header(static_cast<int>(env.slab)).length = static_cast<uint32_t>(env.step);
+        arena.slabs().seal(env.slab);
         env.has_slab = false;
         ++env.rollout;
         return;
       }
     }
     if (!env.has_slab) {
-      const auto slab = arena.acquire_slab(0);
+      const auto slab = arena.slabs().acquire(0);
       if (!slab) return;
       env.slab = *slab;
       env.has_slab = true;
       env.step = 0;
-      arena.slab_header(static_cast<int>(*slab)).env_index = static_cast<uint32_t>(index);
-      arena.slab_header(static_cast<int>(*slab)).rollout_index = env.rollout;
+      arena.slabs().header(static_cast<int>(*slab)).env_index = static_cast<uint32_t>(index);
+      arena.slabs().header(static_cast<int>(*slab)).rollout_index = env.rollout;
     }
-    const SlabView slab = arena.slab(static_cast<int>(env.slab));
+    const SlabView slab = arena.slabs().view(static_cast<int>(env.slab));
     std::ranges::fill(slab.frames(env.step), pixel_of(index, env.rollout, env.step));
     std::ranges::fill(slab.global_state(env.step), static_cast<float>(env.step));
     slot.step_id = env.step_id;
@@ -164,11 +169,11 @@ struct Learned {
 
   /// Leaves the processor to both ends where nothing has come.
   void drain(const shm::Arena& arena) {
-    const auto drained = arena.drain_slabs(16);
+    const auto drained = arena.slabs().drain(16);
     if (drained.empty()) usleep(200);
     for (const uint32_t index : drained) {
-      const shm::SlabHeader& header = arena.slab_header(static_cast<int>(index));
-      const SlabView slab = arena.slab(static_cast<int>(index));
+      const shm::SlabHeader& header = arena.slabs().header(static_cast<int>(index));
+      const SlabView slab = arena.slabs().view(static_cast<int>(index));
       wrong += header.length != 4 || !seen.emplace(header.env_index, header.rollout_index).second;
       const uint8_t first = slab.frame(0, 0)[0];
       for (int step = 0; step < 4; ++step) {
@@ -178,7 +183,7 @@ struct Learned {
         wrong += slab.global_state(step)[2] != static_cast<float>(step);
       }
       ++slabs;
-      arena.release_slab(index);
+      arena.slabs().release(index);
     }
   }
 };
@@ -198,7 +203,7 @@ class FrameLink : public ::testing::TestWithParam<Compression> {};
 
 TEST_P(FrameLink, SimulatorsWithoutAPolicyPlayWithThatOfAnotherArena) {
   const uint64_t id = fresh_id();
-  const shm::Arena near = make_arena(2, 1), far = make_arena(1, 2);
+  const shm::Arena near = make_arena(2, 1, 1), far = make_arena(1, 2);
   near.control().schedule_env_frames = 2'400'000;
   std::atomic<bool> stop{false};
   FrameReceiver receiver(near, open_link(id), {.first_worker = 1});
@@ -245,7 +250,7 @@ INSTANTIATE_TEST_SUITE_P(Compressions, FrameLink,
 
 TEST(FrameLinkBadLuck, EitherEndMayBeginAnewAndNothingIsLearnedTwice) {
   const uint64_t id = fresh_id();
-  const shm::Arena near = make_arena(1, 1), far = make_arena(1, 2);
+  const shm::Arena near = make_arena(1, 1, 1), far = make_arena(1, 2);
   std::atomic<bool> has_played{false};
   std::thread answering([&] { answer(near); });
   constexpr uint64_t kRollouts = 600;
@@ -306,7 +311,7 @@ TEST(FrameLinkBadLuck, EitherEndMayBeginAnewAndNothingIsLearnedTwice) {
 
 TEST(FrameLinkBadLuck, AnotherGameIsRefusedInWords) {
   const uint64_t id = fresh_id();
-  const shm::Arena near = make_arena(1, 1), far = make_arena(1, 2);
+  const shm::Arena near = make_arena(1, 1, 1), far = make_arena(1, 2);
   std::atomic<bool> stop{false};
   FrameReceiver receiver(near, open_link(id), {.fingerprint = 1});
   std::thread receiving([&] { EXPECT_TRUE(receiver.run(stop)); });
@@ -323,7 +328,7 @@ TEST(FrameLinkBadLuck, AnotherGameIsRefusedInWords) {
 
 TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatAsks) {
   const uint64_t id = fresh_id();
-  const shm::Arena near = make_arena(1, 1);
+  const shm::Arena near = make_arena(1, 1, 1);
   std::atomic<bool> stop{false};
   FrameReceiver receiver(near, open_link(id), {.silent_after_s = 4});
   std::thread receiving([&] { EXPECT_TRUE(receiver.run(stop)); });
@@ -331,7 +336,7 @@ TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatAsks) {
   const auto asks = [&](uint64_t feeder) {
     (void)far.write(dds::FrameBatch{.feeder_id = feeder,
                                     .epoch = 1,
-                                    .slab_bytes = static_cast<uint64_t>(near.slab_offsets().slab_bytes),
+                                    .slab_bytes = static_cast<uint64_t>(near.slabs().offsets().slab_bytes),
                                     .sim_workers = 1,
                                     .envs_per_worker = 4,
                                     .host = "host" + std::to_string(feeder)});
@@ -359,7 +364,7 @@ TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatAsks) {
 
 TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
   const uint64_t id = fresh_id();
-  const shm::Arena near = make_arena(2, 1), far = make_arena(1, 2);
+  const shm::Arena near = make_arena(2, 1, 2), far = make_arena(1, 2);
   std::atomic<bool> stop{false}, has_played{false};
   FrameReceiver receiver(near, open_link(id), {.worker_count = 2});
   FrameSenderOptions options;
@@ -379,9 +384,9 @@ TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
   dds::LinkBus wild = open_link(id);
   Learned learned;
   const auto drain = [&] {
-    for (const uint32_t index : near.drain_slabs(16)) {
-      learned.slabs += near.slab_header(static_cast<int>(index)).length > 0;
-      near.release_slab(index);
+    for (const uint32_t index : near.slabs().drain(16)) {
+      learned.slabs += near.slabs().header(static_cast<int>(index)).length > 0;
+      near.slabs().release(index);
     }
   };
   std::vector<std::byte> bytes(4096);
@@ -401,7 +406,7 @@ TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
         .feeder_id = 10,
         .epoch = static_cast<uint32_t>(random() % 3),
         .batch_index = random() % 2 ? random() : random() % 100,
-        .slab_bytes = static_cast<uint64_t>(near.slab_offsets().slab_bytes),
+        .slab_bytes = static_cast<uint64_t>(near.slabs().offsets().slab_bytes),
         .sim_workers = 1,
         .envs_per_worker = random() % 8 ? 4u : static_cast<uint32_t>(random()),
         .is_leaving = random() % 50 == 0,

@@ -17,6 +17,9 @@
 #include "rollout_buffer/link/feeder.h"
 #include "rollout_buffer/link/link_address.h"
 #include "rollout_buffer/link/receiver.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 #include "tests/support/network_pair.h"
 #include "tests/support/patience.h"
 #include "tests/support/small_arena.h"
@@ -34,11 +37,12 @@ uint64_t fresh_id() {
   return (uint64_t{device()} << 32) | device();
 }
 
-shm::Arena make_arena(int sim_workers, int slabs) {
+shm::Arena make_arena(int sim_workers, int slabs, int guests = 0) {
   shm::ArenaShape shape = test::small_arena_shape();
   shape.trajectory.env.height = 40;  // slabs of several fragments' worth of pages
   shape.trajectory.env.width = 60;
   shape.sim_worker_count = sim_workers;
+  shape.guest_worker_count = guests;
   shape.slab_count = slabs;
   shape.journal_steps = 0;
   auto arena = shm::Arena::create(shape, fresh_id());
@@ -131,29 +135,29 @@ class Link : public ::testing::Test {
     const int envs = player_.shape().env_count();
     for (int env = 0; env < envs; ++env) {
       const int worker = env / player_.shape().envs_per_worker;
-      const auto slab = player_.acquire_slab(worker);
+      const auto slab = player_.slabs().acquire(worker);
       if (!slab) return;
-      shm::SlabHeader& header = player_.slab_header(static_cast<int>(*slab));
+      shm::SlabHeader& header = player_.slabs().header(static_cast<int>(*slab));
       const uint64_t rollout = rollouts_[env]++;
       header.env_index = static_cast<uint32_t>(env);
       header.length = 1 + static_cast<uint32_t>(rollout + static_cast<uint64_t>(env)) % 8;
       header.rollout_index = rollout;
       header.first_episode = {.episode_id = rollout, .episode_seed = rollout * 1000};
-      const SlabView view = player_.slab(static_cast<int>(*slab));
+      const SlabView view = player_.slabs().view(static_cast<int>(*slab));
       std::memset(view.at<std::byte>(0), 0, static_cast<std::size_t>(view.offsets().slab_bytes));
       std::memset(view.frames(0).data(), mark(env, rollout), view.frames(0).size() * 9);
       for (int step = 0; step < 8; ++step) view.final_index(step) = -1, view.valid(step) = 1;
       player_.sim_counters(worker).decisions.fetch_add(header.length * 2);
       played_ += header.length * 2;
-      player_.seal_slab(*slab);
+      player_.slabs().seal(*slab);
     }
   }
   static int mark(int env, uint64_t rollout) { return 1 + (env * 31 + static_cast<int>(rollout) * 7) % 250; }
 
   /// Takes what arrived, and checks it.
   void learn(int most = 1 << 20) {
-    for (const uint32_t slab : learner_.drain_slabs(most)) {
-      const shm::SlabHeader& header = learner_.slab_header(static_cast<int>(slab));
+    for (const uint32_t slab : learner_.slabs().drain(most)) {
+      const shm::SlabHeader& header = learner_.slabs().header(static_cast<int>(slab));
       const int env = static_cast<int>(header.env_index) - kOwnWorkers * learner_.shape().envs_per_worker;
       ASSERT_GE(env, 0);
       const uint64_t rollout = header.first_episode.episode_id;
@@ -165,10 +169,10 @@ class Link : public ::testing::Test {
       learned_rollouts_[env] = header.rollout_index;
       last_rollout_[env] = rollout;
       EXPECT_EQ(header.first_episode.episode_seed, rollout * 1000);
-      const SlabView view = learner_.slab(static_cast<int>(slab));
+      const SlabView view = learner_.slabs().view(static_cast<int>(slab));
       EXPECT_EQ(view.frame(8, 1)[10], mark(env, rollout));
       learned_ += header.length * 2;
-      learner_.release_slab(slab);
+      learner_.slabs().release(slab);
     }
   }
   static bool eventually(const std::function<bool()>& done) {
@@ -193,7 +197,8 @@ class Link : public ::testing::Test {
   }
 
   const uint64_t link_id_ = fresh_id();
-  shm::Arena player_ = make_arena(2, 24), learner_ = make_arena(kOwnWorkers + kRemoteWorkers, 12);
+  shm::Arena player_ = make_arena(2, 24),
+             learner_ = make_arena(kOwnWorkers + kRemoteWorkers, 12, kRemoteWorkers);
   std::unique_ptr<test::NetworkPair> network_;
   pid_t feeder_ = -1, receiver_ = -1;
   std::map<int, uint64_t> rollouts_, learned_rollouts_, last_rollout_;
@@ -212,7 +217,7 @@ TEST_F(Link, WhatIsPlayedOnOneHostIsLearnedOnTheOtherToTheDecision) {
   for (int worker = kOwnWorkers; worker < kOwnWorkers + kRemoteWorkers; ++worker)
     counted += learner_.sim_counters(worker).decisions;
   EXPECT_EQ(counted, played_);
-  EXPECT_EQ(player_.drain_slabs(100).size(), 0u);
+  EXPECT_EQ(player_.slabs().drain(100).size(), 0u);
 }
 
 TEST_F(Link, WithoutAFreeSlabNothingIsSentAndNothingIsLost) {
@@ -221,9 +226,10 @@ TEST_F(Link, WithoutAFreeSlabNothingIsSentAndNothingIsLost) {
   // Nobody learns: the learner's arena has room for what is promised, and then the feeding host's fills up.
   EXPECT_TRUE(eventually([&] {
     play();
-    return learner_.sealed_count() == learner_.shape().slab_count && !player_.acquire_slab(0);
-  })) << learner_.sealed_count();
-  EXPECT_FALSE(test::wait_until([&] { return learner_.sealed_count() != learner_.shape().slab_count; }, 0.3));
+    return learner_.slabs().sealed_count() == learner_.shape().slab_count && !player_.slabs().acquire(0);
+  })) << learner_.slabs().sealed_count();
+  EXPECT_FALSE(
+      test::wait_until([&] { return learner_.slabs().sealed_count() != learner_.shape().slab_count; }, 0.3));
   EXPECT_EQ(learned_, 0u);
   EXPECT_TRUE(eventually([&] {
     learn(2);
@@ -290,19 +296,19 @@ TEST_F(LinkLong, ACableThatIsPulledForTwelveSecondsCostsNoDecision) {
 
 TEST_F(Link, WeightsAndTheRunsEnvFramesReachTheFeedingHost) {
   std::vector<std::byte> weights(4000, std::byte{3});
-  learner_.publish_weights(weights, 5);
+  learner_.weights().publish(weights, 5);
   learner_.control().schedule_env_frames = 2'400'000;
   start_receiver();
   start_feeder();
-  ASSERT_TRUE(eventually([&] { return player_.has_weights() && player_.weights_version() == 5; }));
+  ASSERT_TRUE(eventually([&] { return player_.weights().has_any() && player_.weights().version() == 5; }));
   std::vector<std::byte> arrived;
-  ASSERT_TRUE(player_.read_weights(arrived));
+  ASSERT_TRUE(player_.weights().read(arrived));
   EXPECT_EQ(arrived, weights);
   EXPECT_TRUE(eventually([&] { return player_.control().schedule_env_frames == 2'400'000; }));
   weights[17] = std::byte{9};
-  learner_.publish_weights(weights, 6);
-  ASSERT_TRUE(eventually([&] { return player_.weights_version() == 6; }));
-  ASSERT_TRUE(player_.read_weights(arrived));
+  learner_.weights().publish(weights, 6);
+  ASSERT_TRUE(eventually([&] { return player_.weights().version() == 6; }));
+  ASSERT_TRUE(player_.weights().read(arrived));
   EXPECT_EQ(arrived, weights);
 }
 
@@ -318,9 +324,10 @@ TEST_F(Link, RoundedWeightsArriveWithTheSameBytesInEveryVersion) {
     std::memcpy(weights.data(), parameters.data(), kParameters * sizeof(float));
     std::memcpy(weights.data() + kParameters * sizeof(float), statistics.data(),
                 kStatistics * sizeof(double));
-    learner_.publish_weights(weights, version);
-    ASSERT_TRUE(eventually([&] { return player_.has_weights() && player_.weights_version() == version; }));
-    ASSERT_TRUE(player_.read_weights(arrived));
+    learner_.weights().publish(weights, version);
+    ASSERT_TRUE(
+        eventually([&] { return player_.weights().has_any() && player_.weights().version() == version; }));
+    ASSERT_TRUE(player_.weights().read(arrived));
     ASSERT_EQ(arrived.size(), weights.size());
     float first = 0, third = 0;
     double statistic = 0;
@@ -342,9 +349,9 @@ TEST_F(Link, EpisodesOfTheOtherHostAreThisHostsEpisodes) {
   record.episode_id = 9;
   record.score = 12.5f;
   record.agent_return[1] = 2;
-  ASSERT_TRUE(player_.forward_episode(record));
+  ASSERT_TRUE(player_.episodes().forward(record));
   std::optional<shm::EpisodeRecord> heard;
-  ASSERT_TRUE(eventually([&] { return (heard = learner_.pop_episode()).has_value(); }));
+  ASSERT_TRUE(eventually([&] { return (heard = learner_.episodes().pop()).has_value(); }));
   EXPECT_EQ(heard->env_index, 5u + kOwnWorkers * 4);
   EXPECT_EQ(heard->episode_id, 9u);
   EXPECT_EQ(heard->score, 12.5f);
@@ -371,9 +378,9 @@ TEST_F(Link, ARunThatEndsTellsThoseThatFeedIt) {
   learner_.control().run_state = shm::RunState::kStopping;
   EXPECT_EQ(exit_code_of(feeder_), kEndedExit);
   EXPECT_EQ(exit_code_of(receiver_), 0);
-  EXPECT_EQ(learner_.sealed_count(), 0);
+  EXPECT_EQ(learner_.slabs().sealed_count(), 0);
   for (int slab = 0; slab < learner_.shape().slab_count; ++slab)
-    EXPECT_EQ(learner_.slab_header(slab).state.load(), shm::SlabState::kFree) << "slab " << slab;
+    EXPECT_EQ(learner_.slabs().header(slab).state.load(), shm::SlabState::kFree) << "slab " << slab;
 }
 
 TEST_F(Link, AHostThatLeavesDeliversWhatIsSealedAndItsPlacesAreFree) {

@@ -142,6 +142,53 @@ TEST(SlabView, FramesOfAStepAreTheAgentsFramesInOrder) {
   EXPECT_EQ(slab.frames(2).data() + slab.frames(2).size(), slab.frame(3, 0).data());
 }
 
+TEST(SlabView, ClearSaysThatNothingHappened) {
+  const SlabOffsets offsets(shape_of(2, 4, 1));
+  std::vector<std::byte> memory(static_cast<std::size_t>(offsets.slab_bytes), std::byte{0x5A});
+  const SlabView slab(offsets, memory.data());
+  slab.clear();
+  for (int step = 0; step < 4; ++step) {
+    for (int agent = 0; agent < 2; ++agent) EXPECT_EQ(slab.reward(step, agent), 0.0f);
+    EXPECT_EQ(slab.terminated(step) + slab.truncated(step) + slab.valid(step), 0);
+    EXPECT_EQ(slab.final_index(step), -1);
+    EXPECT_EQ(slab.layout_index(step), 0);
+  }
+}
+
+TEST(SlabView, PadRepeatsTheLastRowsAndTouchesNothingElse) {
+  const int agents = 3, steps = 6;
+  for (const int measurements : {0, 2}) {
+    const SlabOffsets offsets(shape_of(agents, steps, measurements));
+    for (const int length : {1, 4, steps}) {
+      std::vector<std::byte> memory(static_cast<std::size_t>(offsets.slab_bytes));
+      uint32_t random = 1;
+      for (std::byte& byte : memory)
+        byte = static_cast<std::byte>((random = random * 1664525 + 1013904223) >> 24);
+      std::vector<std::byte> wanted = memory;
+      // Row by row, as the slab's table has it: T+1 rows of what is seen, T rows of what is decided.
+      const SlabView slab(offsets, wanted.data());
+      const auto copy = [](auto from, auto to) { std::ranges::copy(from, to.data()); };
+      for (int step = length; step < steps; ++step) {
+        for (int agent = 0; agent < agents; ++agent) {
+          copy(slab.frame(length, agent), slab.frame(step + 1, agent));
+          copy(slab.measurement(length, agent), slab.measurement(step + 1, agent));
+          copy(slab.action_mask(length, agent), slab.action_mask(step + 1, agent));
+          slab.agent_active(step + 1, agent) = slab.agent_active(length, agent);
+          slab.value(step + 1, agent) = slab.value(length, agent);
+          copy(slab.action(length - 1, agent), slab.action(step, agent));
+          copy(slab.logits(length - 1, agent), slab.logits(step, agent));
+          slab.log_prob(step, agent) = slab.log_prob(length - 1, agent);
+          slab.policy_version(step, agent) = slab.policy_version(length - 1, agent);
+        }
+        copy(slab.global_state(length), slab.global_state(step + 1));
+        slab.layout_index(step) = slab.layout_index(length - 1);
+      }
+      SlabView(offsets, memory.data()).pad(length);
+      EXPECT_TRUE(memory == wanted) << measurements << " measurements, length " << length;
+    }
+  }
+}
+
 TEST(Validate, RefusesShapesOutsideTheirRanges) {
   EXPECT_TRUE(validate(shape_of(2, 8, 5)));
   const auto expect_refusal = [](auto spoil, const char* field) {

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/shm/step_slots.h"
 #include "tests/support/patience.h"
 #include "tests/support/small_arena.h"
 
@@ -57,20 +58,20 @@ TEST(ArenaSocket, HandsTheArenaOver) {
   const Arena arena = make_arena();
   Expected<ArenaServer> server = ArenaServer::listen(unique_name("join"), arena);
   ASSERT_TRUE(server) << server.error().message;
-  arena.slot(2).step_id = 1234;
+  arena.step_slots().slot(2).step_id = 1234;
   std::thread peer([&] {
     const Expected<Arena> joined = join_arena(server->name(), request_of("policy", 3), kLong_ms);
     ASSERT_TRUE(joined) << joined.error().message;
     EXPECT_EQ(joined->run_id(), 11u);
-    EXPECT_EQ(joined->slot(2).step_id, 1234u);
-    joined->slot(2).step_id = 5678;
+    EXPECT_EQ(joined->step_slots().slot(2).step_id, 1234u);
+    joined->step_slots().slot(2).step_id = 5678;
   });
   const Expected<JoinRequest> served = serve(*server);
   peer.join();
   ASSERT_TRUE(served) << served.error().message;
   EXPECT_STREQ(served->role, "policy");
   EXPECT_EQ(served->worker_index, 3u);
-  EXPECT_EQ(arena.slot(2).step_id, 5678u);
+  EXPECT_EQ(arena.step_slots().slot(2).step_id, 5678u);
 }
 
 TEST(ArenaSocket, AJoinerWaitsForARunThatStartsLater) {

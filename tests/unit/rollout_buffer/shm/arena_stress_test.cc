@@ -11,7 +11,13 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/shm/accounts.h"
 #include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/journal.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
+#include "rollout_buffer/shm/weight_buffers.h"
 #include "tests/support/patience.h"
 #include "tests/support/small_arena.h"
 
@@ -40,23 +46,23 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
     for (int local = 0; local < envs; ++local) {
       const int env = index * envs + local;
       std::optional<uint32_t> slab_index;
-      while (!(slab_index = arena.acquire_slab(index))) {
+      while (!(slab_index = arena.slabs().acquire(index))) {
         const uint32_t heard = listen(arena.control().slab_released);
         wait(arena.control().slab_released, heard, 1000);
       }
-      SlabHeader& header = arena.slab_header(static_cast<int>(*slab_index));
+      SlabHeader& header = arena.slabs().header(static_cast<int>(*slab_index));
       header.env_index = static_cast<uint32_t>(env);
-      header.rollout_index = arena.journal(env).rollout_index;
-      const SlabView slab = arena.slab(static_cast<int>(*slab_index));
-      StepSlot& slot = arena.slot(env);
+      header.rollout_index = arena.journals().header(env).rollout_index;
+      const SlabView slab = arena.slabs().view(static_cast<int>(*slab_index));
+      StepSlot& slot = arena.step_slots().slot(env);
       for (int step = 0; step < steps; ++step) {
         if (slot.state.load() != SlotState::kIdle) broken("a slot was not idle before its commit");
         slot.slab_index = *slab_index;
         slot.step = static_cast<uint32_t>(step);
-        slot.step_id = ++arena.journal(env).step_id;
-        Doorbell& acted = arena.slots_acted(index, 0);
+        slot.step_id = ++arena.journals().header(env).step_id;
+        Doorbell& acted = arena.step_slots().acted(index, 0);
         slot.state.store(SlotState::kReady, std::memory_order_release);
-        ring(arena.slots_ready(0));
+        ring(arena.step_slots().ready(0));
         for (;;) {
           const uint32_t heard = listen(acted);
           if (advance(slot, SlotState::kActed, SlotState::kIdle)) break;
@@ -66,36 +72,36 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
           broken("an answer is not ours");
         for (int agent = 0; agent < 2; ++agent)
           slab.reward(step, agent) = tag_of(header.env_index, header.rollout_index, step, agent);
-        arena.env_account(env).made.fetch_add(1);
+        arena.accounts().of(env).made.fetch_add(1);
         header.length = static_cast<uint32_t>(step + 1);
       }
-      ++arena.journal(env).rollout_index;
+      ++arena.journals().header(env).rollout_index;
       EpisodeRecord record{};
       record.env_index = static_cast<uint32_t>(env);
-      record.episode_id = record.episode_seed = arena.journal(env).rollout_index;
-      (void)arena.push_episode(record);
-      arena.seal_slab(*slab_index);
+      record.episode_id = record.episode_seed = arena.journals().header(env).rollout_index;
+      (void)arena.episodes().push(record);
+      arena.slabs().seal(*slab_index);
     }
   }
 }
 
 [[noreturn]] void play_policy(const Arena& arena) {
   for (;;) {
-    Doorbell& ready = arena.slots_ready(0);
+    Doorbell& ready = arena.step_slots().ready(0);
     const uint32_t heard = listen(ready);
     bool found = false;
     for (int env = 0; env < arena.shape().env_count(); ++env) {
-      StepSlot& slot = arena.slot(env);
+      StepSlot& slot = arena.step_slots().slot(env);
       if (!advance(slot, SlotState::kReady, SlotState::kInBatch)) continue;
       found = true;
       if (slot.slab_index >= static_cast<uint32_t>(arena.shape().slab_count)) broken("a slot names no slab");
-      const SlabHeader& header = arena.slab_header(static_cast<int>(slot.slab_index));
+      const SlabHeader& header = arena.slabs().header(static_cast<int>(slot.slab_index));
       if (header.state.load() != SlabState::kFilling || header.env_index != static_cast<uint32_t>(env))
         broken("a request names a slab of somebody else");
-      arena.slab(static_cast<int>(slot.slab_index)).value(static_cast<int>(slot.step), 0) =
+      arena.slabs().view(static_cast<int>(slot.slab_index)).value(static_cast<int>(slot.step), 0) =
           static_cast<float>(slot.step_id % 100'000);
       if (!advance(slot, SlotState::kInBatch, SlotState::kActed)) broken("a slot left a batch by itself");
-      ring(arena.slots_acted(env / arena.shape().envs_per_worker, 0));
+      ring(arena.step_slots().acted(env / arena.shape().envs_per_worker, 0));
     }
     if (!found) wait(ready, heard, 1000);
   }
@@ -105,10 +111,10 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
   std::vector<std::byte> weights(kWeightsBytes);
   for (;;) {
     const uint32_t heard = listen(arena.control().slab_sealed);
-    const std::vector<uint32_t> drained = arena.drain_slabs(3);
+    const std::vector<uint32_t> drained = arena.slabs().drain(3);
     for (const uint32_t index : drained) {
-      const SlabHeader& header = arena.slab_header(static_cast<int>(index));
-      const SlabView slab = arena.slab(static_cast<int>(index));
+      const SlabHeader& header = arena.slabs().header(static_cast<int>(index));
+      const SlabView slab = arena.slabs().view(static_cast<int>(index));
       if (header.length != 8 || header.owner.load() != 0) broken("a sealed slab is not whole");
       for (int step = 0; step < 8; ++step)
         for (int agent = 0; agent < 2; ++agent)
@@ -116,16 +122,16 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
             broken("a sealed slab holds foreign rows");
       arena.learner_counters().decisions.fetch_add(
           8 * 2);  // before it lets go: what is lost with it is still there
-      arena.release_slab(index);
+      arena.slabs().release(index);
     }
     if (drained.empty()) wait(arena.control().slab_sealed, heard, 1000);
-    const PolicyVersion version = arena.weights_version() + 1;
+    const PolicyVersion version = arena.weights().version() + 1;
     Rng rng(uint64_t{version});
     for (std::size_t word = 0; word + 8 <= weights.size(); word += 8) {
       const uint64_t bits = rng.next();
       std::memcpy(weights.data() + word, &bits, 8);
     }
-    arena.publish_weights(weights, version);
+    arena.weights().publish(weights, version);
     arena.learner_counters().batches.fetch_add(1);
     usleep(200);
   }
@@ -175,7 +181,8 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
   PolicyVersion newest = 0;
   // To the decision: what the learner took is trained on or lost with one of its lives, three slabs at most.
   const auto check_learner = [&] {
-    const uint64_t taken = arena.decision_counts().taken, learned = arena.learner_counters().decisions.load();
+    const uint64_t taken = arena.accounts().counts().taken,
+                   learned = arena.learner_counters().decisions.load();
     ASSERT_GE(taken, learned + lost_with_learners);
     ASSERT_LE(taken - learned - lost_with_learners, 3u * 8 * 2);
     lost_with_learners = taken - learned;
@@ -198,19 +205,20 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
     if (victim < kPolicyWorker) {
       const uint32_t dead = static_cast<uint32_t>(victim) + 1;
       for (int slab = 0; slab < shape.slab_count; ++slab)
-        EXPECT_NE(arena.slab_header(slab).owner.load(), dead);
+        EXPECT_NE(arena.slabs().header(slab).owner.load(), dead);
       for (int local = 0; local < shape.envs_per_worker; ++local)
-        EXPECT_EQ(arena.slot(victim * shape.envs_per_worker + local).state.load(), SlotState::kIdle);
+        EXPECT_EQ(arena.step_slots().slot(victim * shape.envs_per_worker + local).state.load(),
+                  SlotState::kIdle);
     }
     peers[victim] = start_peer(arena, victim);
     if (is_double) peers[kPolicyWorker] = start_peer(arena, kPolicyWorker);
 
-    while (const std::optional<EpisodeRecord> record = arena.pop_episode()) {
+    while (const std::optional<EpisodeRecord> record = arena.episodes().pop()) {
       ASSERT_EQ(record->episode_id, record->episode_seed) << "a record is damaged";
       ++episodes;
     }
-    if (!arena.has_weights()) continue;
-    const Expected<PolicyVersion> version = arena.read_weights(weights);
+    if (!arena.weights().has_any()) continue;
+    const Expected<PolicyVersion> version = arena.weights().read(weights);
     ASSERT_TRUE(version) << version.error().message;
     ASSERT_GE(*version, newest) << "versions do not fall";
     newest = *version;
@@ -228,15 +236,16 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
     EXPECT_TRUE(kill_peer(peers[peer])) << "peer " << peer;
   for (const int peer : {kPolicyWorker, kLearner, 0, 1}) reclaim(arena, peer);
   check_learner();
-  const DecisionCounts counts = arena.decision_counts();
-  const auto sealed = static_cast<uint64_t>(arena.sealed_count()) * 8 * 2;
+  const DecisionCounts counts = arena.accounts().counts();
+  const auto sealed = static_cast<uint64_t>(arena.slabs().sealed_count()) * 8 * 2;
   EXPECT_EQ(counts.made,
             arena.learner_counters().decisions.load() + lost_with_learners + sealed + counts.lost);
   EXPECT_EQ(counts.sealed, counts.taken + sealed);
-  for (const uint32_t slab : arena.drain_slabs(shape.slab_count)) arena.release_slab(slab);
-  for (int env = 0; env < shape.env_count(); ++env) EXPECT_EQ(arena.slot(env).state.load(), SlotState::kIdle);
+  for (const uint32_t slab : arena.slabs().drain(shape.slab_count)) arena.slabs().release(slab);
+  for (int env = 0; env < shape.env_count(); ++env)
+    EXPECT_EQ(arena.step_slots().slot(env).state.load(), SlotState::kIdle);
   for (int count = 0; count < shape.slab_count; ++count)
-    EXPECT_TRUE(arena.acquire_slab(0)) << "a slab is lost";
+    EXPECT_TRUE(arena.slabs().acquire(0)) << "a slab is lost";
 
   std::printf("%lu decisions made, %lu learned from, %lu lost with simulators, %lu with learners\n",
               static_cast<unsigned long>(counts.made),

@@ -15,6 +15,8 @@
 
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/slab_pool.h"
 #include "scenarios/spec/scenario_spec.h"
 #include "tests/support/fake_policy.h"
 #include "tests/support/patience.h"
@@ -115,9 +117,9 @@ void drain(const shm::Arena& arena, int count, std::vector<uint64_t>* rollouts) 
   while (count > 0) {
     ASSERT_LT(monotonic_s(), deadline_s) << "no more slabs";
     const uint32_t heard = shm::listen(arena.control().slab_sealed);
-    for (const uint32_t index : arena.drain_slabs(100)) {
-      const shm::SlabHeader& header = arena.slab_header(static_cast<int>(index));
-      const SlabView slab = arena.slab(static_cast<int>(index));
+    for (const uint32_t index : arena.slabs().drain(100)) {
+      const shm::SlabHeader& header = arena.slabs().header(static_cast<int>(index));
+      const SlabView slab = arena.slabs().view(static_cast<int>(index));
       for (int step = 0; step <= static_cast<int>(header.length); ++step) {
         for (int agent = 0; agent < 2; ++agent) {
           const auto frame = slab.frame(step, agent);
@@ -127,7 +129,7 @@ void drain(const shm::Arena& arena, int count, std::vector<uint64_t>* rollouts) 
         }
       }
       (*rollouts)[header.env_index] = std::max((*rollouts)[header.env_index], header.rollout_index);
-      arena.release_slab(index);
+      arena.slabs().release(index);
       --count;
     }
     if (count > 0) shm::wait(arena.control().slab_sealed, heard, 50'000);
@@ -187,7 +189,7 @@ TEST_F(SimProgram, EvaluationDeliversTheSameEpisodesEveryTime) {
     EXPECT_TRUE(test::wait_until([&] { return server->serve_one().has_value(); }));
     std::vector<std::pair<uint64_t, float>> scores;
     EXPECT_TRUE(test::wait_until([&] {
-      while (const std::optional<shm::EpisodeRecord> record = arena.pop_episode()) {
+      while (const std::optional<shm::EpisodeRecord> record = arena.episodes().pop()) {
         scores.emplace_back(record->episode_id, record->score);
         EXPECT_GT(record->length_steps, 0u);
         EXPECT_GE(4 * record->length_steps, record->length_tics);

@@ -1,4 +1,9 @@
 #include "sim_workers/worker/sim_worker.h"
+#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/shm/journal.h"
+#include "rollout_buffer/shm/layout_mailbox.h"
+#include "rollout_buffer/shm/slab_pool.h"
+#include "rollout_buffer/shm/step_slots.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -129,8 +134,8 @@ class Shadow {
   }
 
   void check(const Arena& arena, uint32_t slab_index) {
-    const shm::SlabHeader& header = arena.slab_header(static_cast<int>(slab_index));
-    const SlabView slab = arena.slab(static_cast<int>(slab_index));
+    const shm::SlabHeader& header = arena.slabs().header(static_cast<int>(slab_index));
+    const SlabView slab = arena.slabs().view(static_cast<int>(slab_index));
     const int steps = slab.shape().rollout_steps, capacity = slab.shape().final_capacity;
     const std::size_t agents = static_cast<std::size_t>(slab.shape().env.num_agents);
     ASSERT_EQ(header.env_index, static_cast<uint32_t>(env_));
@@ -265,10 +270,10 @@ std::vector<Shadow> check_rollouts(Host& host, const ToyOptions& options, uint64
       break;
     }
     const uint32_t heard = shm::listen(host.arena.control().slab_sealed);
-    const std::vector<uint32_t> drained = host.arena.drain_slabs(4);
+    const std::vector<uint32_t> drained = host.arena.slabs().drain(4);
     for (const uint32_t slab : drained) {
-      shadows[host.arena.slab_header(static_cast<int>(slab)).env_index].check(host.arena, slab);
-      host.arena.release_slab(slab);
+      shadows[host.arena.slabs().header(static_cast<int>(slab)).env_index].check(host.arena, slab);
+      host.arena.slabs().release(slab);
     }
     if (drained.empty()) shm::wait(host.arena.control().slab_sealed, heard, 20'000);
   }
@@ -338,7 +343,7 @@ TEST(SimWorker, WithoutFreeSlabsItWaitsAndGoesOnWhenOneComes) {
   const ToyOptions options = toy(100, 100);
   Host host(shape, options);
   host.start();
-  host.await([&] { return host.arena.sealed_count() == 8; }, "all slabs sealed");
+  host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "all slabs sealed");
   const uint64_t answers = host.policy.answers();
   host.await_looks_in_vain();
   EXPECT_EQ(host.policy.answers(), answers) << "nobody acts without a slab";
@@ -375,21 +380,21 @@ TEST(SimWorker, EpisodeRecordsTellTheRawReturnAndTheScore) {
   host.await(
       [&] {
         for (int slab = 0; slab < host.arena.shape().slab_count; ++slab) {
-          const shm::SlabHeader& header = host.arena.slab_header(slab);
+          const shm::SlabHeader& header = host.arena.slabs().header(slab);
           if (header.state.load() == SlabState::kSealed && header.env_index == 0 && header.rollout_index == 0)
             return true;
         }
         return false;
       },
       "environment 0's first slab");
-  while ((record = host.arena.pop_episode()) && !(record->env_index == 0 && record->episode_id == 0)) {
+  while ((record = host.arena.episodes().pop()) && !(record->env_index == 0 && record->episode_id == 0)) {
   }
   ASSERT_TRUE(record);
-  for (const uint32_t slab_index : host.arena.drain_slabs(100)) {
-    if (host.arena.slab_header(static_cast<int>(slab_index)).env_index != 0 ||
-        host.arena.slab_header(static_cast<int>(slab_index)).rollout_index != 0)
+  for (const uint32_t slab_index : host.arena.slabs().drain(100)) {
+    if (host.arena.slabs().header(static_cast<int>(slab_index)).env_index != 0 ||
+        host.arena.slabs().header(static_cast<int>(slab_index)).rollout_index != 0)
       continue;
-    const SlabView slab = host.arena.slab(static_cast<int>(slab_index));
+    const SlabView slab = host.arena.slabs().view(static_cast<int>(slab_index));
     for (int step = 0; step < 5; ++step) world.step({slab.action(step, 0).data(), 4});
   }
   EXPECT_EQ(record->episode_seed, training_seed(0, 0));
@@ -414,14 +419,14 @@ TEST(SimWorker, LockStepPassesTheGateOncePerRollout) {
   for (int env = 0; env < 8; ++env) shadows.emplace_back(env, options, RewardRules{});
   for (uint64_t rollout = 0; rollout < 6; ++rollout) {
     host.allow(rollout + 1);
-    host.await([&] { return host.arena.sealed_count() == 8; }, "one slab of every environment");
+    host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "one slab of every environment");
     const uint64_t answers = host.policy.answers();
     host.await_looks_in_vain();
     EXPECT_EQ(host.policy.answers(), answers) << "nobody runs ahead";
-    for (const uint32_t slab : host.arena.drain_slabs(100)) {
-      EXPECT_EQ(host.arena.slab_header(static_cast<int>(slab)).rollout_index, rollout);
-      shadows[host.arena.slab_header(static_cast<int>(slab)).env_index].check(host.arena, slab);
-      host.arena.release_slab(slab);
+    for (const uint32_t slab : host.arena.slabs().drain(100)) {
+      EXPECT_EQ(host.arena.slabs().header(static_cast<int>(slab)).rollout_index, rollout);
+      shadows[host.arena.slabs().header(static_cast<int>(slab)).env_index].check(host.arena, slab);
+      host.arena.slabs().release(slab);
     }
   }
   EXPECT_EQ(host.policy.faults(), 0);
@@ -439,11 +444,11 @@ TEST(SimWorker, EveryTrajectoryBeginsWithTheEnvFramesOfTheRun) {
   };
   host.arena.control().schedule_env_frames = 1000;
   host.start(/*rollouts_allowed=*/1);
-  host.await([&] { return host.arena.sealed_count() == 8; }, "one slab of every environment");
+  host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "one slab of every environment");
   host.arena.control().schedule_env_frames = 2000;
   host.await_looks_in_vain();
   EXPECT_TRUE(told(1000)()) << "it holds until the next one";
-  for (const uint32_t slab : host.arena.drain_slabs(100)) host.arena.release_slab(slab);
+  for (const uint32_t slab : host.arena.slabs().drain(100)) host.arena.slabs().release(slab);
   host.allow(2);
   host.await(told(2000), "the second trajectory's");
 }
@@ -457,12 +462,12 @@ TEST(SimWorker, LockStepGivesTheSameBatchesEveryTime) {
     Host host(shape, options, /*lock_step=*/true);
     host.start(1);
     for (uint64_t rollout = 0; rollout < 8; ++rollout) {
-      host.await([&] { return host.arena.sealed_count() == 4; }, "one slab of every environment");
+      host.await([&] { return host.arena.slabs().sealed_count() == 4; }, "one slab of every environment");
       if (rollout % 2 == 1) usleep(5000);
-      for (const uint32_t slab : host.arena.drain_slabs(100)) host.arena.release_slab(slab);
+      for (const uint32_t slab : host.arena.slabs().drain(100)) host.arena.slabs().release(slab);
       host.allow(rollout + 2);
     }
-    host.await([&] { return host.arena.sealed_count() == 4; }, "the last rollout");
+    host.await([&] { return host.arena.slabs().sealed_count() == 4; }, "the last rollout");
     host.stop();
     return host.policy.batch_sizes();
   };
@@ -479,7 +484,7 @@ TEST(SimWorker, EvaluationPlaysEveryEpisodeOnceAndGivesItsSlabsBack) {
   std::map<uint64_t, shm::EpisodeRecord> records;
   host.await(
       [&] {
-        while (const auto record = host.arena.pop_episode()) {
+        while (const auto record = host.arena.episodes().pop()) {
           EXPECT_EQ(record->env_index, record->episode_id % 8);
           EXPECT_TRUE(records.emplace(record->episode_id, *record).second)
               << "episode " << record->episode_id << " twice";
@@ -488,7 +493,7 @@ TEST(SimWorker, EvaluationPlaysEveryEpisodeOnceAndGivesItsSlabsBack) {
       },
       "all episodes");
   host.await_looks_in_vain();
-  EXPECT_FALSE(host.arena.pop_episode());
+  EXPECT_FALSE(host.arena.episodes().pop());
   EXPECT_EQ(records.rbegin()->first, 20u);
   for (const auto& [id, record] : records) {
     EXPECT_EQ(record.episode_seed, RngKey(kSeed).split("evaluation").split(id).bits());
@@ -501,11 +506,11 @@ TEST(SimWorker, EvaluationPlaysEveryEpisodeOnceAndGivesItsSlabsBack) {
     EXPECT_EQ(record.length_steps, world.summary().length_steps);
     EXPECT_EQ(record.terminated, world.last_step().terminated);
   }
-  EXPECT_EQ(host.arena.sealed_count(), 0);
+  EXPECT_EQ(host.arena.slabs().sealed_count(), 0);
   host.await(
       [&] {
         for (int slab = 0; slab < host.arena.shape().slab_count; ++slab)
-          if (host.arena.slab_header(slab).state.load() != SlabState::kFree) return false;
+          if (host.arena.slabs().header(slab).state.load() != SlabState::kFree) return false;
         return true;
       },
       "all slabs free");
@@ -522,7 +527,7 @@ TEST(SimWorker, EvaluationWithFewerEpisodesThanEnvironmentsOrSlabsEnds) {
   int count = 0;
   host.await(
       [&] {
-        while (host.arena.pop_episode()) ++count;
+        while (host.arena.episodes().pop()) ++count;
         return count >= 5;
       },
       "all episodes");
@@ -539,7 +544,7 @@ TEST(SimWorker, AResumedJournalGoesOnAsIfNothingHadHappened) {
     bool operator==(const Sealed&) const = default;
   };
   const auto content_of = [](const Arena& arena, uint32_t index) {
-    const SlabView slab = arena.slab(static_cast<int>(index));
+    const SlabView slab = arena.slabs().view(static_cast<int>(index));
     Sealed sealed;
     for (int step = 0; step <= slab.shape().rollout_steps; ++step) {
       sealed.frames.insert(sealed.frames.end(), slab.frames(step).begin(), slab.frames(step).end());
@@ -553,11 +558,11 @@ TEST(SimWorker, AResumedJournalGoesOnAsIfNothingHadHappened) {
     return sealed;
   };
   const auto play_rollout = [&](Host& host, std::map<int, Sealed>& out) {
-    host.await([&] { return host.arena.sealed_count() == 8; }, "one slab of every environment");
-    for (const uint32_t slab : host.arena.drain_slabs(100)) {
-      out[static_cast<int>(host.arena.slab_header(static_cast<int>(slab)).env_index)] =
+    host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "one slab of every environment");
+    for (const uint32_t slab : host.arena.slabs().drain(100)) {
+      out[static_cast<int>(host.arena.slabs().header(static_cast<int>(slab)).env_index)] =
           content_of(host.arena, slab);
-      host.arena.release_slab(slab);
+      host.arena.slabs().release(slab);
     }
   };
 
@@ -577,16 +582,16 @@ TEST(SimWorker, AResumedJournalGoesOnAsIfNothingHadHappened) {
       play_rollout(host, ignored);
       if (rollout == 2) {
         for (int env = 0; env < 8; ++env) {
-          Saved saved{host.arena.journal(env), {}, {}};
+          Saved saved{host.arena.journals().header(env), {}, {}};
           ASSERT_LE(saved.header.length, 64u);
           EXPECT_EQ(saved.header.rollout_index, 3u);
           for (uint32_t step = 0; step < saved.header.length; ++step) {
-            const auto action = host.arena.journal_action(env, static_cast<int>(step));
+            const auto action = host.arena.journals().action(env, static_cast<int>(step));
             saved.actions.insert(saved.actions.end(), action.begin(), action.end());
           }
           for (uint64_t parity = 0; parity < 2; ++parity)
-            saved.recurrent[parity].assign(host.arena.recurrent(env, parity).begin(),
-                                           host.arena.recurrent(env, parity).end());
+            saved.recurrent[parity].assign(host.arena.step_slots().recurrent(env, parity).begin(),
+                                           host.arena.step_slots().recurrent(env, parity).end());
           checkpoint.push_back(std::move(saved));
         }
       }
@@ -604,13 +609,13 @@ TEST(SimWorker, AResumedJournalGoesOnAsIfNothingHadHappened) {
   Host host(shape, options, /*lock_step=*/true);
   for (int env = 0; env < 8; ++env) {
     const Saved& saved = checkpoint[static_cast<std::size_t>(env)];
-    host.arena.journal(env) = saved.header;
-    host.arena.journal(env).is_resume = 1;
+    host.arena.journals().header(env) = saved.header;
+    host.arena.journals().header(env).is_resume = 1;
     for (std::size_t index = 0; index < saved.actions.size(); ++index)
-      host.arena.journal_action(env, static_cast<int>(index / 4))[index % 4] = saved.actions[index];
+      host.arena.journals().action(env, static_cast<int>(index / 4))[index % 4] = saved.actions[index];
     for (uint64_t parity = 0; parity < 2; ++parity)
       std::copy(saved.recurrent[parity].begin(), saved.recurrent[parity].end(),
-                host.arena.recurrent(env, parity).begin());
+                host.arena.step_slots().recurrent(env, parity).begin());
   }
   host.start(4);
   for (const auto& rollout : expected) {
@@ -619,18 +624,18 @@ TEST(SimWorker, AResumedJournalGoesOnAsIfNothingHadHappened) {
     EXPECT_TRUE(resumed == rollout);
     host.allow(host.arena.control().rollouts_allowed + 1);
   }
-  EXPECT_EQ(host.arena.journal(0).is_resume, 0u);
+  EXPECT_EQ(host.arena.journals().header(0).is_resume, 0u);
 }
 
 TEST(SimWorker, AJournalThatDoesNotFitTheEnvironmentIsRefused) {
   Host host(small_arena_shape(), toy(3, 3));
-  host.arena.journal(2) = {.episode_seed = 5,
-                           .episode_id = 9,
-                           .step_id = 70,
-                           .rollout_index = 2,
-                           .length = 10,
-                           .is_resume = 1,
-                           .in_use = 0};
+  host.arena.journals().header(2) = {.episode_seed = 5,
+                                     .episode_id = 9,
+                                     .step_id = 70,
+                                     .rollout_index = 2,
+                                     .length = 10,
+                                     .is_resume = 1,
+                                     .in_use = 0};
   host.start();
   host.workers[0]->join();
   ASSERT_FALSE(host.workers[0]->status);
@@ -638,13 +643,13 @@ TEST(SimWorker, AJournalThatDoesNotFitTheEnvironmentIsRefused) {
   host.stop();
 
   Host other(small_arena_shape(), toy(3, 3));
-  other.arena.journal(0) = {.episode_seed = 5,
-                            .episode_id = 9,
-                            .step_id = 70,
-                            .rollout_index = 2,
-                            .length = 1000,
-                            .is_resume = 1,
-                            .in_use = 0};
+  other.arena.journals().header(0) = {.episode_seed = 5,
+                                      .episode_id = 9,
+                                      .step_id = 70,
+                                      .rollout_index = 2,
+                                      .length = 1000,
+                                      .is_resume = 1,
+                                      .in_use = 0};
   other.start();
   other.workers[0]->join();
   ASSERT_FALSE(other.workers[0]->status);
@@ -661,15 +666,15 @@ TEST(SimWorker, ARestartedWorkerNeverPlaysAnEpisodeTwice) {
     std::size_t seen = 0;
     host.await(
         [&] {
-          while (const auto record = host.arena.pop_episode())
+          while (const auto record = host.arena.episodes().pop())
             EXPECT_TRUE(seeds.insert(record->episode_seed).second) << "an episode came twice";
-          for (const uint32_t slab : host.arena.drain_slabs(100)) {
-            const shm::SlabHeader& header = host.arena.slab_header(static_cast<int>(slab));
+          for (const uint32_t slab : host.arena.slabs().drain(100)) {
+            const shm::SlabHeader& header = host.arena.slabs().header(static_cast<int>(slab));
             const auto [entry, is_first] = last_rollout.emplace(header.env_index, 0);
             EXPECT_EQ(header.rollout_index, is_first ? 0 : entry->second + 1);
             entry->second = header.rollout_index;
             seen += header.env_index < 4;  // of the worker that is restarted
-            host.arena.release_slab(slab);
+            host.arena.slabs().release(slab);
           }
           return seen >= count;
         },
@@ -691,7 +696,8 @@ TEST(SimWorker, StopsEvenWhenNobodyAnswers) {
   arena.control().run_state = shm::RunState::kRunning;
   RunningWorker worker(arena, toy(5, 5), 0, {.seed = kSeed});
   worker.start();
-  ASSERT_TRUE(test::wait_until([&] { return arena.slot(0).state.load() == shm::SlotState::kReady; }));
+  ASSERT_TRUE(
+      test::wait_until([&] { return arena.step_slots().slot(0).state.load() == shm::SlotState::kReady; }));
   arena.control().run_state = shm::RunState::kStopping;
   worker.join();
   EXPECT_TRUE(worker.status);
@@ -703,7 +709,7 @@ TEST(SimWorker, StopsWhileItWaitsForTheStart) {
   RunningWorker worker(arena, toy(5, 5), 0, {.seed = kSeed});
   worker.start();
   EXPECT_TRUE(test::wait_until([&] { return arena.control().run_state_changed.sleepers.load() == 1; }));
-  EXPECT_EQ(arena.slot(0).state.load(), shm::SlotState::kIdle);
+  EXPECT_EQ(arena.step_slots().slot(0).state.load(), shm::SlotState::kIdle);
   worker.stop();
   EXPECT_TRUE(worker.status);
 }
@@ -717,7 +723,7 @@ TEST(SimWorker, APausedRunStandsStillAndGoesOn) {
   host.await(
       [&] {  // what was asked before is still answered
         for (int env = 0; env < host.arena.shape().env_count(); ++env) {
-          const shm::SlotState state = host.arena.slot(env).state.load();
+          const shm::SlotState state = host.arena.step_slots().slot(env).state.load();
           if (state == shm::SlotState::kReady || state == shm::SlotState::kInBatch) return false;
         }
         return host.arena.control().run_state_changed.sleepers.load() == host.workers.size();
@@ -725,7 +731,7 @@ TEST(SimWorker, APausedRunStandsStillAndGoesOn) {
       "a stand");
   const uint64_t answers = host.policy.answers();
   for (int split = 0; split < 2; ++split)
-    for (int worker = 0; worker < 2; ++worker) shm::ring(host.arena.slots_acted(worker, split));
+    for (int worker = 0; worker < 2; ++worker) shm::ring(host.arena.step_slots().acted(worker, split));
   host.await_sleepers(host.arena.control().run_state_changed);
   EXPECT_EQ(host.policy.answers(), answers);
   host.arena.control().run_state = shm::RunState::kRunning;
@@ -738,7 +744,7 @@ TEST(SimWorker, CountsAgentDecisions) {
   shape.slab_count = 8;
   Host host(shape, toy(100, 100));
   host.start();
-  host.await([&] { return host.arena.sealed_count() == 8; }, "all slabs sealed");
+  host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "all slabs sealed");
   host.stop();
   EXPECT_EQ(host.arena.sim_counters(0).decisions.load() + host.arena.sim_counters(1).decisions.load(),
             8u * 8u * 2u)
@@ -791,14 +797,14 @@ class LayoutDeskClerk {
   /// The k-th grant of an environment is layout (env + k) % count.
   void serve(uint32_t count) {
     for (int env = 0; env < arena_.shape().env_count(); ++env) {
-      shm::LayoutDesk& desk = arena_.layout_desk(env);
-      for (uint64_t heard = desk.heard.load(); heard < desk.reported.load(); ++heard) {
-        outcomes[env].push_back(shm::unpack_outcome(desk.outcome[heard % shm::kDeskOutcomes].load()));
-        desk.heard.store(heard + 1);
+      shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(env);
+      for (uint64_t heard = mailbox.heard.load(); heard < mailbox.reported.load(); ++heard) {
+        outcomes[env].push_back(shm::unpack_outcome(mailbox.outcome[heard % shm::kMailboxOutcomes].load()));
+        mailbox.heard.store(heard + 1);
       }
-      if (desk.taken.load() != desk.granted.load()) continue;
-      desk.layout_index.store((static_cast<uint32_t>(env) + desk.granted.load()) % count);
-      desk.granted.fetch_add(1);
+      if (mailbox.taken.load() != mailbox.assigned.load()) continue;
+      mailbox.layout_index.store((static_cast<uint32_t>(env) + mailbox.assigned.load()) % count);
+      mailbox.assigned.fetch_add(1);
     }
   }
   std::map<int, std::vector<shm::LayoutOutcome>> outcomes;
@@ -818,12 +824,12 @@ TEST(SimWorker, LayoutsComeFromTheDeskEveryFewEpisodes) {
   std::map<uint32_t, std::vector<int>> rows;  // layout of every decision of an environment
   for (uint64_t rollout = 0; rollout < 10; ++rollout) {
     host.allow(rollout + 1);
-    host.await([&] { return host.arena.sealed_count() == 8; }, "one slab of every environment");
-    for (const uint32_t index : host.arena.drain_slabs(100)) {
-      const shm::SlabHeader& header = host.arena.slab_header(static_cast<int>(index));
+    host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "one slab of every environment");
+    for (const uint32_t index : host.arena.slabs().drain(100)) {
+      const shm::SlabHeader& header = host.arena.slabs().header(static_cast<int>(index));
       for (int step = 0; step < static_cast<int>(header.length); ++step)
-        rows[header.env_index].push_back(host.arena.slab(static_cast<int>(index)).layout_index(step));
-      host.arena.release_slab(index);
+        rows[header.env_index].push_back(host.arena.slabs().view(static_cast<int>(index)).layout_index(step));
+      host.arena.slabs().release(index);
     }
     clerk.serve(3);
   }
@@ -838,7 +844,7 @@ TEST(SimWorker, LayoutsComeFromTheDeskEveryFewEpisodes) {
     for (std::size_t k = 0; k < outcomes.size(); ++k)
       EXPECT_EQ(outcomes[k].layout_index, (env + k / 2) % 3)
           << "the episode is told under the layout it was played on";
-    EXPECT_EQ(host.arena.layout_desk(static_cast<int>(env)).late.load(), 0u);
+    EXPECT_EQ(host.arena.layout_mailboxes().of(static_cast<int>(env)).late.load(), 0u);
   }
 }
 
@@ -851,14 +857,14 @@ TEST(SimWorker, WithoutANewGrantTheLayoutIsPlayedOnceMore) {
   LayoutDeskClerk clerk(host.arena);
   clerk.serve(2);  // once and never again
   host.start(3);
-  host.await([&] { return host.arena.sealed_count() == 12; }, "three rollouts of four environments");
-  for (const uint32_t index : host.arena.drain_slabs(100)) {
-    const shm::SlabHeader& header = host.arena.slab_header(static_cast<int>(index));
+  host.await([&] { return host.arena.slabs().sealed_count() == 12; }, "three rollouts of four environments");
+  for (const uint32_t index : host.arena.slabs().drain(100)) {
+    const shm::SlabHeader& header = host.arena.slabs().header(static_cast<int>(index));
     for (int step = 0; step < 8; ++step)
-      EXPECT_EQ(host.arena.slab(static_cast<int>(index)).layout_index(step),
+      EXPECT_EQ(host.arena.slabs().view(static_cast<int>(index)).layout_index(step),
                 static_cast<int>(header.env_index % 2));
   }
-  EXPECT_GE(host.arena.layout_desk(0).late.load(), 5u);
+  EXPECT_GE(host.arena.layout_mailboxes().of(0).late.load(), 5u);
 }
 
 TEST(SimWorker, ALayoutThatCannotBeLoadedEndsTheWorkerWithItsWords) {
@@ -868,12 +874,13 @@ TEST(SimWorker, ALayoutThatCannotBeLoadedEndsTheWorkerWithItsWords) {
   ArenaShape shape = small_arena_shape();
   shape.sim_worker_count = 1;
   Host host(shape, options, false, {.seed = kSeed, .layout_count = 2, .layout_swap_every = 1});
-  for (int env = 0; env < shape.env_count(); ++env) host.arena.layout_desk(env).granted = 1;
+  for (int env = 0; env < shape.env_count(); ++env) host.arena.layout_mailboxes().of(env).assigned = 1;
   host.start(1);
-  host.await([&] { return host.arena.layout_desk(0).taken.load() == 1; }, "the first grant is taken");
+  host.await([&] { return host.arena.layout_mailboxes().of(0).taken.load() == 1; },
+             "the first grant is taken");
   for (int env = 0; env < shape.env_count(); ++env) {
-    host.arena.layout_desk(env).layout_index = 1;
-    host.arena.layout_desk(env).granted = 2;
+    host.arena.layout_mailboxes().of(env).layout_index = 1;
+    host.arena.layout_mailboxes().of(env).assigned = 2;
   }
   host.allow(5);
   host.workers[0]->join();
@@ -893,7 +900,7 @@ TEST(SimWorker, EvaluationPlaysTheLayoutsInTurn) {
   std::map<uint64_t, uint64_t> layout_of;
   host.await(
       [&] {
-        while (const auto record = host.arena.pop_episode())
+        while (const auto record = host.arena.episodes().pop())
           layout_of[record->episode_id] = record->layout_id;
         return layout_of.size() == 30;
       },
