@@ -252,10 +252,10 @@ constexpr Row kRows[] = {
     {204, kS1, Special::kCeiling_LowerToHighestFloor, {kTag, kSlow}},
     {205, kSR, Special::kCeiling_LowerToLowest, {kTag, kSlow}},
     {206, kSR, Special::kCeiling_LowerToHighestFloor, {kTag, kSlow}},
-    {207, kW1, Special::kTeleport_NoFog, {0, 2, kTag, 1}, kMonstersToo},
-    {208, kWR, Special::kTeleport_NoFog, {0, 2, kTag, 1}, kMonstersToo},
-    {209, kS1, Special::kTeleport_NoFog, {0, 2, kTag, 1}, kMonstersToo},
-    {210, kSR, Special::kTeleport_NoFog, {0, 2, kTag, 1}, kMonstersToo},
+    {207, kW1, Special::kTeleport_NoFog, {0, 0, kTag, 1}, kMonstersToo},
+    {208, kWR, Special::kTeleport_NoFog, {0, 0, kTag, 1}, kMonstersToo},
+    {209, kS1, Special::kTeleport_NoFog, {0, 0, kTag, 1}, kMonstersToo},
+    {210, kSR, Special::kTeleport_NoFog, {0, 0, kTag, 1}, kMonstersToo},
     {211, kSR, Special::kPlat_ToggleCeiling, {kTag}},
     {212, kWR, Special::kPlat_ToggleCeiling, {kTag}},
     {213, kStatic, Special::kTransfer_FloorLight, {kTag}},
@@ -313,8 +313,8 @@ constexpr Row kRows[] = {
     {265, kWR, Special::kTeleport_Line, {kTag, kTag, 1}, kMonstersOnly},
     {266, kW1, Special::kTeleport_Line, {kTag, kTag}, kMonstersOnly},
     {267, kWR, Special::kTeleport_Line, {kTag, kTag}, kMonstersOnly},
-    {268, kW1, Special::kTeleport_NoFog, {0, 2, kTag, 1}, kMonstersOnly},
-    {269, kWR, Special::kTeleport_NoFog, {0, 2, kTag, 1}, kMonstersOnly},
+    {268, kW1, Special::kTeleport_NoFog, {0, 0, kTag, 1}, kMonstersOnly},
+    {269, kWR, Special::kTeleport_NoFog, {0, 0, kTag, 1}, kMonstersOnly},
 };
 
 void set_trigger(UdmfLinedef& line, Trigger trigger, Who who) {

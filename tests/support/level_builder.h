@@ -42,6 +42,11 @@ class LevelBuilder {
     ring({{left, bottom}, {left, top}, {right, top}, {right, bottom}}, inner, outer, line_flags);
     return *this;
   }
+  /// The same with any outline; the front sector lies to the right of its lines.
+  LevelBuilder& island(const Points& points, uint32_t front_sector, uint32_t back_sector) {
+    ring(points, front_sector, back_sector, 0);
+    return *this;
+  }
   /// Areas side by side from west to east inside sector `outer`; the line between two has its front to
   /// the west.
   LevelBuilder& row(uint32_t outer, const std::vector<uint32_t>& sectors, int left, int bottom, int width,

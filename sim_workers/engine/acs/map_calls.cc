@@ -293,7 +293,7 @@ uint32_t button_bits(const World& world, const Buttons& buttons, uint32_t before
 int32_t player_input(const World& world, int32_t player, int32_t what) {
   if (player < 0 || player >= world.player_count()) return 0;
   const Player& one = world.player(player);
-  const Buttons& buttons = one.buttons;
+  const Buttons buttons = what >= kModifiedInput ? one.effective_buttons() : one.buttons;
   const std::vector<uint32_t>& all_before = world.state().scripts.old_buttons;
   const auto index = static_cast<std::size_t>(player);
   const uint32_t before = index < all_before.size() ? all_before[index] : 0;

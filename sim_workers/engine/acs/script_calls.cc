@@ -161,9 +161,10 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
         actor.velocity_x = clamped(int64_t{add ? actor.velocity_x : 0} + args[1]);
         actor.velocity_y = clamped(int64_t{add ? actor.velocity_y : 0} + args[2]);
         actor.velocity_z = clamped(int64_t{add ? actor.velocity_z : 0} + args[3]);
-        if (Player* const player = world.player_of(actor); player != nullptr && args[5] != 0) {
-          player->walk_x = clamped(int64_t{add ? player->walk_x : 0} + args[1]);
-          player->walk_y = clamped(int64_t{add ? player->walk_y : 0} + args[2]);
+        if (Player* const player = world.player_of(actor)) {
+          const bool bob = args[5] != 0;
+          player->walk_x = clamped(int64_t{add ? player->walk_x : 0} + (bob ? args[1] : 0));
+          player->walk_y = clamped(int64_t{add ? player->walk_y : 0} + (bob ? args[2] : 0));
         }
       }) != 0);
     case BuiltIn::kSetActivator: {
@@ -391,6 +392,7 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       world.set_sector_damage(args[0], args[1], given.size() > 3 ? std::max(args[3], 1) : 32);
       for (Sector& sector : world.state().sectors) {
         if (sector.tag != args[0]) continue;
+        clear_special_damage(sector);
         const std::string_view type = given.size() > 2 ? caller.text(args[2]) : std::string_view();
         sector.damage_type =
             static_cast<uint8_t>(world.catalog().find_damage_type(type).value_or(DamageType::kNormal));

@@ -112,6 +112,7 @@ class SectorTreeBuilder {
     const Vertex& start = level_.vertices[best_seg->front ? linedef.start : linedef.end];
     const Vertex& end = level_.vertices[best_seg->front ? linedef.end : linedef.start];
     const uint32_t sector_index = best_seg->sector_index;
+    const bool along_linedef = best_seg->front;
     const std::size_t node_index = tree_.nodes_.size();
     SectorTree::Node node;
     node.x = start.x, node.y = start.y;
@@ -141,9 +142,11 @@ class SectorTreeBuilder {
     const int32_t back_child = grow(std::move(back), sector_index, depth + 1);
     SectorTree::Node& made = tree_.nodes_[node_index];
     made.front = front_child, made.back = back_child;
-    // A point on a line along an axis lies west or south of it, as in ViZDoom: that side becomes the front.
+    // A point on a line lies west or south of it where it runs along an axis, else behind it, as in ViZDoom: that side
+    // becomes the front.
     const bool front_is_east = made.dx == 0 && made.dy > 0, front_is_north = made.dy == 0 && made.dx < 0;
-    if (front_is_east || front_is_north) {
+    const bool is_sloped = made.dx != 0 && made.dy != 0;
+    if (front_is_east || front_is_north || (is_sloped && along_linedef)) {
       made.dx = -made.dx, made.dy = -made.dy;
       std::swap(made.front, made.back);
     }

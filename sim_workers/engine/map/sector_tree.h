@@ -14,8 +14,8 @@ class SectorTree {
  public:
   static SectorTree build(const Level& level);
 
-  /// Index of the sector at (x, y); a point on a line along an axis lies west or south of it, one on another line at its front, one
-  /// in the void in a sector near by.
+  /// Index of the sector at (x, y); a point on a line along an axis lies west or south of it, one on another line behind it, one in
+  /// the void in a sector near by.
   uint32_t sector_at(Fixed x, Fixed y) const {
     int32_t node_index = root_;
     while (node_index >= 0) {

@@ -320,7 +320,7 @@ void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fix
     Actor* victim = world.actor(victims.ids[i]);
     if (victim == nullptr || !victim->has(ActorFlag::kShootable)) continue;
     if (victim->has(ActorFlag::kNoRadiusDamage) && !spot.has(ActorFlag::kForceRadiusDamage)) continue;
-    if (!hurts_source && source != nullptr && victim->id == source->id) continue;
+    if (!hurts_source && (victim->id == spot_id || (source != nullptr && victim->id == source->id))) continue;
     const int64_t length = blast_length(*victim, spot);
     if (length >= distance || !can_see(world, *victim, spot)) continue;
     const auto points = static_cast<int32_t>(weakened(damage, length, distance, full_damage_distance));

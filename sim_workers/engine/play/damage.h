@@ -32,7 +32,7 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source,
                 DamageType type = DamageType::kNormal);
 
 /// Splash: everything shootable within `distance` units that `spot` sees loses damage less the distance of
-/// their boxes.
+/// their boxes. Without `hurts_source` neither `source` nor `spot` does.
 void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fixed distance, DamageType type,
                    bool hurts_source = true, Fixed full_damage_distance = 0);
 

@@ -124,12 +124,12 @@ Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angl
   Actor& missile = world.spawn_unchecked(type, x, y, z, angle);
   missile.target_id = body.id;
   // The speed is along the slope: (1, slope) of length sqrt(1 + slope^2).
-  const int64_t slope = aim.slope;
+  const int64_t slope = missile.has(ActorFlag::kFloorHugger) ? 0 : aim.slope;
   const int64_t length = std::max<int64_t>(length_of(to_fixed(1) * 256LL, 0, slope * 256LL) / 256, 1);
   const auto flat_speed = clamped_fixed(int64_t{missile.speed} * kFracUnit / length);
   missile.velocity_x = fixed_mul(flat_speed, fine_cosine(angle));
   missile.velocity_y = fixed_mul(flat_speed, fine_sine(angle));
-  missile.velocity_z = fixed_mul(flat_speed, aim.slope);
+  missile.velocity_z = fixed_mul(flat_speed, static_cast<Fixed>(slope));
   return check_missile_spawn(world, missile) ? &missile : nullptr;
 }
 

@@ -218,12 +218,9 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
             check.fits = false, check.blocked_by_actor = true, check.blocking_actor_id = other.id;
             break;
           }
-          if (other.has(ActorFlag::kSolid)) {
-            check.fits = fits = false;
-            check.blocked_by_actor = true, check.blocking_actor_id = other.id;
-            break;
-          }
-          continue;
+          check.fits = fits = false;
+          check.blocked_by_actor = true, check.blocking_actor_id = other.id;
+          break;
         }
         if (!body_solid || !other.has(ActorFlag::kSolid)) continue;
         // A player steps up onto what is no higher than a stair.
@@ -368,14 +365,15 @@ MoveResult Movement::attempt_move(std::size_t slot, Fixed x, Fixed y) {
       return result;
     }
     result.float_ok = true;
-    if (int64_t{last_.ceiling_z} - body.z < body.height) {
+    const bool hugs_floor = body.has(ActorFlag::kFloorHugger);  // it climbs any step
+    if (!hugs_floor && int64_t{last_.ceiling_z} - body.z < body.height) {
       if (result.blocking_line < 0) result.blocking_line = last_.ceiling_line;
       return result;
     }
     const Fixed step = body.has(ActorFlag::kMissile) && !body.has(ActorFlag::kStepMissile)
                            ? 0
                            : world_.type_of(body).max_step_height;
-    if (int64_t{last_.floor_z} - body.z > step) return result;
+    if (!hugs_floor && int64_t{last_.floor_z} - body.z > step) return result;
     // Monsters do not step where the ground below any part of them lies far under what holds them. Who stands
     // on something above its floor counts from there.
     if (body.has(ActorFlag::kIsMonster) && !body.is_corpse() && body.player_index < 0 &&
@@ -387,6 +385,7 @@ MoveResult Movement::attempt_move(std::size_t slot, Fixed x, Fixed y) {
   const Fixed old_x = body.x, old_y = body.y;
   const PositionCheck check = last_;
   place(slot, x, y, check);
+  if (body.has(ActorFlag::kFloorHugger)) body.z = body.floor_z;
   result.moved = true;
   if (check.touched_count > 0 && !body.has(ActorFlag::kNoClip)) cross_lines(slot, old_x, old_y, check);
   return result;
@@ -498,14 +497,18 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
 }
 
 void Movement::slide_along_body(std::size_t slot, Fixed x, Fixed y) {
-  if (try_move(slot, state_.actors[slot].x, y)) {
-    state_.actors[slot].velocity_x = 0;
-  } else if (try_move(slot, x, state_.actors[slot].y)) {
-    state_.actors[slot].velocity_y = 0;
-  } else {
-    state_.actors[slot].velocity_x = state_.actors[slot].velocity_y = 0;
+  const bool goes_y = try_move(slot, state_.actors[slot].x, y);
+  const bool goes_x = !goes_y && try_move(slot, x, state_.actors[slot].y);
+  Actor& body = state_.actors[slot];
+  Player* const walker = world_.player_of(body);
+  if (!goes_x) {
+    body.velocity_x = 0;
+    if (walker != nullptr) walker->walk_x = 0;
   }
-  limit_walk(world_, state_.actors[slot]);
+  if (!goes_y) {
+    body.velocity_y = 0;
+    if (walker != nullptr) walker->walk_y = 0;
+  }
 }
 
 void Movement::stop_missile(std::size_t slot) {
@@ -601,13 +604,20 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
 
 void Movement::move_vertically(std::size_t slot, bool left_ledge) {
   Actor& body = state_.actors[slot];
+  if (body.has(ActorFlag::kFloorHugger)) {
+    body.z = body.floor_z;
+    return;
+  }
   Player* player = body.player_index >= 0 && !body.is_corpse()
                        ? &state_.players[static_cast<std::size_t>(body.player_index)]
                        : nullptr;
-  if (player != nullptr && body.z < body.floor_z) {
-    // Stepped up: the eye stays where it was and catches up.
+  const bool over_body = body.floor_z > body.ground_z;
+  // Stepped up: the eye stays where it was and catches up. Whoever rises to the top of a body in this tic has not stepped.
+  if (player != nullptr && body.z < body.floor_z &&
+      !(over_body && int64_t{body.z} + body.velocity_z >= body.floor_z)) {
     player->view_height = clamped_fixed(int64_t{player->view_height} - body.floor_z + body.z);
-    player->view_height_delta = static_cast<Fixed>((int64_t{player->eye_height} - player->view_height) >> 3);
+    const Fixed normal = fixed_mul(player->eye_height, player->crouch_factor);
+    player->view_height_delta = static_cast<Fixed>((int64_t{normal} - player->view_height) >> 3);
   }
   body.z = clamped_fixed(int64_t{body.z} + body.velocity_z);
   // A flyer drifts to the height of its target.
@@ -627,7 +637,8 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
       explode_missile(world_, body, nullptr);
       return;
     }
-    if (player != nullptr && body.velocity_z < 0) {  // no landing: who jumps onto a ledge while it rises
+    // No landing: onto a body, nor of one that jumps onto a ledge while it rises.
+    if (player != nullptr && body.velocity_z < 0 && !over_body) {
       // After a jump, and after a fall that was hard enough to bend the knees, the next jump has to wait.
       const bool hard = body.velocity_z < kHardLanding;
       if (player->jump_tics < 0 || hard) player->jump_tics = kJumpDelayTics;
@@ -637,7 +648,7 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
     body.z = body.floor_z;
     if (body.has(ActorFlag::kSkullFly)) {
       body.velocity_z = -body.velocity_z;
-    } else if (body.velocity_z < 0 || body.floor_z > body.ground_z) {
+    } else if (body.velocity_z < 0 || over_body) {
       body.velocity_z = 0;  // also of one that rises and steps onto a body
     }
   } else if (!body.has(ActorFlag::kNoGravity)) {
@@ -701,8 +712,9 @@ PositionCheck opening_of_point(const World& world, Fixed x, Fixed y) {
 }
 
 bool fits_here(World& world, Actor& actor) {
-  return actor.z >= actor.ground_z && int64_t{actor.z} + actor.height <= actor.roof_z &&
-         Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false).fits;
+  if (actor.z < actor.ground_z || int64_t{actor.z} + actor.height > actor.roof_z) return false;
+  const PositionCheck check = Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false);
+  return check.fits && int64_t{check.ceiling_z} - check.floor_z >= actor.height;
 }
 
 }  // namespace comrad::doom

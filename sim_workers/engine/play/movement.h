@@ -135,8 +135,9 @@ Footing footing_of(const World& world, const Actor& body);
 PositionCheck opening_of_point(const World& world, Fixed x, Fixed y);
 
 /// True where nothing is in the way of a body that was put somewhere. Its height is held against the floor and
-/// the ceiling of its centre alone, so a script may put it half into a ledge (measured: ViZDoom 1.3.2,
-/// `SetActorPosition` with 15 of 16 units of the radius over a floor 100 higher).
+/// the ceiling of its centre, so a script may put it half into a ledge (measured: ViZDoom 1.3.2,
+/// `SetActorPosition` with 15 of 16 units of the radius over a floor 100 higher), and against the opening under
+/// its box, so not half into a shut door.
 bool fits_here(World& world, Actor& actor);
 
 }  // namespace comrad::doom

@@ -50,10 +50,9 @@ bool teleport_move(World& world, Actor& actor, Fixed x, Fixed y, Fixed z, Angle 
   const std::size_t slot = world.slot_of(actor);
   const uint32_t sector_index = world.sector_at(x, y);
   const Sector& sector = world.sectors()[sector_index];
-  const bool touches = actor.has(ActorFlag::kSolid) || actor.has(ActorFlag::kShootable);
   const Fixed bottom = z == kOnFloor ? sector.floor_height : z;
   const std::size_t count = state.actors.size();
-  for (std::size_t i = 0; touches && i < count; ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
     Actor& other = state.actors[i];
     if (i == slot || other.removed || !other.has(ActorFlag::kShootable) || other.has(ActorFlag::kNoBlockmap))
       continue;

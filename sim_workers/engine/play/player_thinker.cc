@@ -41,6 +41,14 @@ void lose_surplus_health(const World& world, Player& player, Actor& body) {
   if (body.health > full) player.health = body.health = body.health < full + 5 ? full : body.health - 1;
 }
 
+/// In mud whoever is faster pushes better.
+int32_t mud_grip(const Footing& footing, const Actor& body) {
+  if (footing.friction >= kGroundFriction) return 1;
+  constexpr Fixed kSlow = 15'000;
+  const Fixed speed = approximate_distance(body.velocity_x, body.velocity_y);
+  return speed > 4 * kSlow ? 8 : speed > 2 * kSlow ? 4 : speed > kSlow ? 2 : 1;
+}
+
 }  // namespace
 
 bool PlayerThinker::pushes(const Buttons& buttons) {
@@ -137,7 +145,8 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   const bool on_ground = player.on_ground;
   const Fixed air_control = world_.state().air_control;
   const Footing footing = footing_of(world_, body);
-  const int32_t move_factor = on_ground ? footing.move_factor : fixed_mul(kSectorMoveFactor, air_control);
+  const int32_t move_factor =
+      on_ground ? footing.move_factor * mud_grip(footing, body) : fixed_mul(kSectorMoveFactor, air_control);
   // The bob does not show that feet slip on ice.
   const int32_t step_factor =
       on_ground && footing.friction > kGroundFriction ? kSectorMoveFactor : move_factor;
@@ -250,30 +259,29 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
   if (!player.totally_frozen) {
     look(*body, buttons);
     crouch(player, *body, buttons);
-    if (player.jump_tics != 0) {
-      --player.jump_tics;
-      // A jump that a low ceiling or a teleport ended at once has no landing: it is forgotten after a while.
-      if (player.on_ground && player.jump_tics <= -kJumpForgottenTics) player.jump_tics = 0;
-    }
-    if (body->reaction_tics > 0) {
-      --body->reaction_tics;  // just born or teleported
-    } else {
-      turn(player, *body, buttons);
-      player.on_ground = body->z <= body->floor_z;
-      push(player, *body, buttons);
-    }
+  }
+  if (player.jump_tics != 0) {
+    --player.jump_tics;
+    // A jump that a low ceiling or a teleport ended at once has no landing: it is forgotten after a while.
+    if (player.on_ground && player.jump_tics <= -kJumpForgottenTics) player.jump_tics = 0;
+  }
+  if (body->reaction_tics > 0) {
+    --body->reaction_tics;  // just born or teleported
+  } else {
+    if (!player.totally_frozen) turn(player, *body, buttons);
+    player.on_ground = body->z <= body->floor_z;
+    if (!player.totally_frozen) push(player, *body, buttons);
   }
   move_eye(player, *body);
   tic_powers(world_, player_index);
   if (world_.has(wad::GameFlag::kDegeneration) && world_.tic_count() % kHealthFallsEveryTics == 0)
     lose_surplus_health(world_, player, *body);
-  if (!player.totally_frozen) {
-    choose_weapon(world_, player_index, buttons);
-    if (buttons.use && !player.use_down) use_lines(world_, *body);
-    player.use_down = buttons.use;
-    tic_weapon(world_, player_index);
-    player.attack_down = buttons.attack;
-  }
+  const Buttons effective = player.effective_buttons();
+  if (!player.totally_frozen) choose_weapon(world_, player_index, buttons);
+  if (effective.use && !player.use_down) use_lines(world_, *body);
+  player.use_down = effective.use;
+  tic_weapon(world_, player_index);
+  player.attack_down = effective.attack;
   return !body->removed && player.alive;
 }
 

@@ -177,7 +177,8 @@ void action_ReFire(ActionCall& call) {
   Player& player = *call.player;
   const bool leaves =
       player.pending_weapon != kNoType && (player.weapon_permissions & kMaySwitchInBurst) != 0;
-  const bool held = player.fires_alternately ? player.buttons.alt_attack : player.buttons.attack;
+  const Buttons buttons = player.effective_buttons();
+  const bool held = player.fires_alternately ? buttons.alt_attack : buttons.attack;
   if (held && !leaves && player.alive) {
     player.refire = std::min(player.refire + 1, 1'000'000);
     fire_weapon(call.world, player_index(call), player.fires_alternately);

@@ -326,9 +326,10 @@ void tic_weapon(World& world, int player_index) {
   // A change, or death, comes before the trigger.
   if ((player.weapon_permissions & kMaySwitch) != 0 && (player.pending_weapon != kNoType || !player.alive))
     drop_weapon(world, player_index);
-  const bool fires = player.buttons.attack && (player.weapon_permissions & kMayFire) != 0;
+  const Buttons buttons = player.effective_buttons();
+  const bool fires = buttons.attack && (player.weapon_permissions & kMayFire) != 0;
   const bool fires_alternately =
-      !fires && player.buttons.alt_attack && (player.weapon_permissions & kMayFireAlternately) != 0;
+      !fires && buttons.alt_attack && (player.weapon_permissions & kMayFireAlternately) != 0;
   if (fires || fires_alternately) {
     if ((player.weapon_permissions & kTriggerHeld) == 0 ||
         !has_flag(world, player.ready_weapon, ActorFlag::kWeaponNoAutoFire)) {

@@ -30,6 +30,9 @@ DamageType damage_type_of(int32_t number);
 void start_sector_specials(World& world);
 void tic_player_in_sector(World& world, int player);
 
+/// A script's damage takes the place of what the special says.
+void clear_special_damage(Sector& sector);
+
 /// Teleports to a destination with this thing id (or in a sector with this tag). True when the body
 /// fits there.
 bool teleport_to(World& world, Actor& actor, int32_t thing_id, int32_t sector_tag, bool fog,

@@ -148,8 +148,10 @@ class Settler {
 
   void sink(Actor& body) {
     const Fixed old_floor_z = renew_opening(world_, body);
-    if (old_floor_z == body.floor_z || body.velocity_z != 0 || body.z != old_floor_z) return;
-    // It rides down, unless the floor drops away faster than that: then gravity takes over.
+    if (old_floor_z == body.floor_z || body.velocity_z != 0) return;
+    // One that was put below the floor under its box comes up. What stands rides down, unless the floor drops
+    // away faster than that: then gravity takes over.
+    if (body.z >= body.floor_z && body.z != old_floor_z) return;
     if (body.has(ActorFlag::kNoGravity) || body.has(ActorFlag::kMoveWithSector) ||
         (distance_ < kFallingFloor && int64_t{body.z} - body.floor_z <= distance_))
       body.z = body.floor_z;
@@ -278,7 +280,9 @@ bool settle_bodies(World& world, uint32_t sector, PlaneChange change, Fixed dist
   const std::size_t count = state.actors.size();  // blood that is spilt meanwhile stays out
   for (std::size_t slot = 0; slot < count; ++slot) {
     Actor& body = state.actors[slot];
-    if (body.removed || body.has(ActorFlag::kNoSector) || body.has(ActorFlag::kNoInteraction)) continue;
+    if (body.removed || body.has(ActorFlag::kNoSector) || body.has(ActorFlag::kNoBlockmap) ||
+        body.has(ActorFlag::kNoInteraction))
+      continue;
     if (body.sector_index != sector) {
       if (!Box::around(body.x, body.y, body.radius).overlaps(bounds)) continue;
       if (!touches_sector(world, body, sector)) continue;

@@ -143,15 +143,25 @@ void tic_player_in_sector(World& world, int player_index) {
     ++world.state().secret_found;
   }
   if (type == kHeal && world.tic_count() % kClockTics == 0) heal_actor(world, *body, 1);
-  hurt(world, player_index, damage_of_type(type));
-  if (type == kDamageEnd) {
+  // A sector hurts in one way: the map's field or a script's call before the special's bits before its type.
+  if (sector.damage_amount > 0) {
+    // The map's own damage counts from clock 0; what a script set at map start, from the first tic after it.
+    if (world.tic_count() != 0 || is_of_map) hurt(world, player_index, fields);
+  } else if ((special & kDamageBits) != 0) {
+    hurt(world, player_index, damage_of_bits(special));
+  } else {
+    hurt(world, player_index, damage_of_type(type));
+  }
+  if (type == kDamageEnd && (special & kDamageBits) == 0) {
     Player& player = world.state().players[static_cast<std::size_t>(player_index)];
     player.god_mode = false;
     if (player.health <= kExitHealth) world.exit_level();
   }
-  hurt(world, player_index, damage_of_bits(special));
-  // The map's own damage counts from clock 0; what a script set at map start, from the first tic after it.
-  if (world.tic_count() != 0 || is_of_map) hurt(world, player_index, fields);
+}
+
+void clear_special_damage(Sector& sector) {
+  sector.special &= ~kDamageBits;
+  if (damage_of_type(sector.special & kSectorTypeMask).amount > 0) sector.special &= ~kSectorTypeMask;
 }
 
 std::optional<int32_t> execute_sector_special(World& world, const SpecialCall& call) {
@@ -166,6 +176,7 @@ std::optional<int32_t> execute_sector_special(World& world, const SpecialCall& c
       });
     case Special::kSector_SetDamage:  // tag, amount, kind, interval, leak
       return for_each_tag(world, call, [](Sector& sector, const SpecialCall& c) {
+        clear_special_damage(sector);
         sector.damage_amount = c.args[1];
         sector.damage_type = static_cast<uint8_t>(damage_type_of(c.args[2]));
         sector.damage_interval = std::max(c.args[3], 0);

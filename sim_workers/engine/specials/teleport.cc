@@ -21,7 +21,7 @@ struct Destination {
   Angle angle = 0;
 };
 
-enum class Turn : uint8_t { kToDestination, kKeep, kByLine, kAgainstLine };
+enum class Turn : uint8_t { kToDestination, kKeep, kByLine };
 
 struct Journey {
   bool source_fog = true, destination_fog = true;
@@ -39,8 +39,9 @@ Angle line_angle(const World& world, int32_t line) {
 void turn_velocity(Actor& actor, Angle by) {
   const Fixed sine = fine_sine(by), cosine = fine_cosine(by);
   const Fixed x = actor.velocity_x, y = actor.velocity_y;
-  actor.velocity_x = clamped_fixed((int64_t{x} * cosine - int64_t{y} * sine) >> kFracBits);
-  actor.velocity_y = clamped_fixed((int64_t{x} * sine + int64_t{y} * cosine) >> kFracBits);
+  // Each product rounded by itself, as in ViZDoom.
+  actor.velocity_x = clamped_fixed(int64_t{fixed_mul(x, cosine)} - fixed_mul(y, sine));
+  actor.velocity_y = clamped_fixed(int64_t{fixed_mul(x, sine)} + fixed_mul(y, cosine));
 }
 
 // ---------------------------------------------------------------- where to
@@ -123,10 +124,7 @@ bool travel(World& world, Actor& actor, const Destination& to, const Journey& jo
     case Turn::kKeep:
       break;
     case Turn::kByLine:
-      turned = to.angle - journey.line_angle + kAngle90;
-      break;
-    case Turn::kAgainstLine:
-      turned = to.angle - journey.line_angle - kAngle90;
+      turned = journey.line_angle - to.angle + kAngle90;
       break;
   }
   if (!teleport_move(world, actor, to.x, to.y, z, actor.angle + turned, false, true, actor.player_index >= 0))
@@ -137,7 +135,7 @@ bool travel(World& world, Actor& actor, const Destination& to, const Journey& jo
     actor.z = world.sectors()[actor.sector_index].floor_height;
     if (Player* const player = world.player_of(actor)) player->view_z += actor.z - old_z;
   }
-  if (missile || journey.turn == Turn::kByLine || journey.turn == Turn::kAgainstLine) {
+  if (missile || journey.turn == Turn::kByLine) {
     turn_velocity(actor, turned);
   } else if (!journey.keep_velocity && journey.turn != Turn::kKeep) {
     actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
@@ -231,11 +229,9 @@ std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall&
       return send(a[0], a[1], {.source_fog = a[2] == 0});
     case Special::kTeleport_NoFog: {  // thing, facing, tag, keep height
       Journey journey{.source_fog = false, .destination_fog = false, .keep_height = a[3] != 0};
-      if (a[1] == 0) journey.turn = Turn::kKeep;
-      if (a[1] >= 2 && call.line >= 0) {
-        journey.turn = a[1] == 2 ? Turn::kByLine : Turn::kAgainstLine;
-        journey.line_angle = line_angle(world, call.line);
-      }
+      // In ViZDoom every other `facing` is the destination's.
+      if (a[1] == 0) journey.turn = call.line >= 0 ? Turn::kByLine : Turn::kKeep;
+      if (call.line >= 0) journey.line_angle = line_angle(world, call.line);
       return send(a[0], a[2], journey);
     }
     case Special::kTeleport_NoStop:  // thing, tag, no fog at the start

@@ -54,6 +54,8 @@ void tic_actor(World& world, std::size_t slot) {
   const bool alive_player = owner != nullptr && owner->alive;
   const bool pushing = alive_player && PlayerThinker::pushes(owner->buttons);
   const Fixed floor_before = actor.floor_z;
+  // A quirk of ViZDoom's: no missile stands still, so that it strikes what comes to it.
+  if (actor.has(ActorFlag::kMissile) && actor.velocity_x == 0 && actor.velocity_y == 0) actor.velocity_x = 1;
   // What leaves a body is held back once more as on it, and falls no faster at first: it is no ledge.
   const bool stood_on_body =
       actor.z == floor_before && floor_before > actor.ground_z && actor.velocity_z <= 0;

@@ -126,6 +126,8 @@ struct Player {
   int32_t respawn_count = 0;
   Buttons buttons;  ///< of this tic
 
+  /// What the game makes of the buttons: nothing while it is totally frozen.
+  Buttons effective_buttons() const { return totally_frozen ? Buttons() : buttons; }
   bool has_power(PowerKind kind) const {
     for (const Power& power : powers)
       if (power.kind == kind && power.tics != 0) return true;

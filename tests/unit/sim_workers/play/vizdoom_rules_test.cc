@@ -2,10 +2,13 @@
 // a map of the same shape, played tic by tic with the same keys.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/acs/machine.h"
+#include "sim_workers/engine/acs/map_calls.h"
 #include "sim_workers/engine/actors/decorate.h"
 #include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/play/damage.h"
@@ -16,6 +19,8 @@
 #include "sim_workers/engine/play/spawning.h"
 #include "sim_workers/engine/play/weapons.h"
 #include "sim_workers/engine/specials/line_specials.h"
+#include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/specials/sector_bodies.h"
 #include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/engine/world/world.h"
 #include "tests/support/behavior_builder.h"
@@ -884,6 +889,275 @@ TEST(VizdoomRules, AJumpFromABodyKeepsItsSpeed) {
   game.body().velocity_x = to_fixed(2), game.body().velocity_z = to_fixed(8);
   game.tic();
   EXPECT_EQ(game.body().velocity_x, to_fixed(2));
+}
+
+// Probe: VIEW_HEIGHT of a player who runs into a body at an angle: it bobs by what the keys gave along the body, all of it.
+TEST(VizdoomRules, ABodyTakesOnlyTheBobThatLeadsIntoIt) {
+  Game game(plain_room().thing(2035, 400, 0).build());
+  set_position(game.world, game.body().id, to_fixed(372), 0, 0);
+  game.body().velocity_x = to_fixed(8), game.body().velocity_y = to_fixed(3);
+  Player& player = game.world.state().players[0];
+  player.walk_x = to_fixed(8), player.walk_y = to_fixed(4);
+  game.tic();
+  EXPECT_EQ(game.body().velocity_x, 0);
+  EXPECT_EQ(player.walk_x, 0);
+  EXPECT_EQ(player.walk_y, fixed_mul(to_fixed(4), kGroundFriction));
+}
+
+// Probe: a fall of 11 a tic onto a body: VIEW_HEIGHT stays 41, and the jump key lifts at once.
+TEST(VizdoomRules, AFallOntoABodyIsNoLanding) {
+  Game game(plain_room().thing(2035, 400, 0).build());
+  set_position(game.world, game.body().id, to_fixed(400), 0, to_fixed(120));
+  for (int tic = 0; tic < 40 && game.body().z != to_fixed(42); ++tic) game.tic();
+  ASSERT_EQ(game.body().z, to_fixed(42));
+  EXPECT_EQ(game.world.player(0).view_height_delta, 0);
+  EXPECT_EQ(game.tics_to_jump(20), 1);
+}
+
+// Probe: jumps past the edge of a body: at 40 and rising by 2 the eye does not stay behind at a top of 42, by 1 it does.
+TEST(VizdoomRules, WhoRisesToTheTopOfABodyDoesNotStep) {
+  for (const int rise : {1, 2}) {
+    Game game(plain_room().thing(2035, 400, 0).build());
+    set_position(game.world, game.body().id, to_fixed(372), 0, to_fixed(40));
+    game.body().velocity_x = to_fixed(8), game.body().velocity_z = to_fixed(rise);
+    game.tic();
+    ASSERT_EQ(game.body().z, to_fixed(42));
+    EXPECT_EQ(game.world.player(0).view_height, to_fixed(rise == 2 ? 41 : 39));
+  }
+}
+
+// Probe: a crouched walk up a step of 8: VIEW_HEIGHT is 12.5, then 13.5: an eighth of what a crouched eye lacks.
+TEST(VizdoomRules, ACrouchedEyeRisesByWhatItLacks) {
+  Game game(cliff(8, 256, 480), {.player_count = 1, .allow_crouch = true});
+  Buttons crouch;
+  crouch.crouch = true;
+  for (int tic = 0; tic < 25; ++tic) game.tic(crouch);
+  game.body().velocity_x = to_fixed(20);
+  game.tic(crouch);
+  ASSERT_EQ(game.body().z, to_fixed(8));
+  EXPECT_EQ(game.world.player(0).view_height_delta, kFracUnit);
+}
+
+// Probe: SetActorPosition to (504, 0, 10) beside a floor of 72 that sinks: 70 in that tic. A body with NOBLOCKMAP stays at 0.
+TEST(VizdoomRules, ASinkingFloorLiftsWhatWasPutBelowIt) {
+  test::LevelBuilder room;
+  const uint32_t hall = room.sector(0, 256), high = room.sector(72, 256);
+  room.room(hall, 0, -256, 1024, 256).island(high, hall, 512, -240, 1008, 240).thing(1, 128, 0);
+  Game game(room.build());
+  set_position(game.world, game.body().id, to_fixed(504), 0, to_fixed(10));
+  const Actor& fog =
+      game.world.spawn_unchecked(catalog()->find("TeleportFog").value(), to_fixed(504), to_fixed(100), 0);
+  game.world.state().sectors[high].floor_height = to_fixed(70);
+  settle_bodies(game.world, high, PlaneChange::kFloorDown, to_fixed(2), 0);
+  EXPECT_EQ(game.body().z, to_fixed(70));
+  EXPECT_EQ(fog.z, 0);
+}
+
+// Probe: A_FireCustomMissile with the pitch up: a missile with FLOORHUGGER flies with its whole speed along the floor, and up a
+// step of 40.
+TEST(VizdoomRules, AFloorHuggerKeepsToTheFloor) {
+  const auto own = catalog_with(
+      "actor Hugger 20100 { Projectile Speed 20 Radius 8 Height 8 Damage (0) +FLOORHUGGER\n States { Spawn: "
+      "TNT1 A "
+      "1 loop Death: TNT1 A -1 stop } }");
+  World world(cliff(40, 256, 400), own);
+  reset_world(world, {});
+  world.body_of(0)->pitch = degrees_to_angle(-20);
+  const Actor* missile =
+      spawn_player_missile(world, *world.body_of(0), own->find("Hugger").value(), 0, 0, 0, 0);
+  ASSERT_NE(missile, nullptr);
+  const uint32_t id = missile->id;
+  EXPECT_EQ(missile->velocity_x, to_fixed(20));
+  EXPECT_EQ(missile->z, 0);
+  for (int tic = 0; tic < 8; ++tic) run_tic(world, {});
+  missile = world.find_actor(id);
+  ASSERT_NE(missile, nullptr);
+  EXPECT_EQ(missile->x, to_fixed(400 + 10 + 8 * 20));
+  EXPECT_EQ(missile->z, to_fixed(40));
+}
+
+// Probe: SpawnForced of a missile: GetActorVelX is 1 (of 65536) after its first tic.
+TEST(VizdoomRules, NoMissileStandsStill) {
+  Game game(plain_room().build());
+  const uint32_t type = catalog()->find("Rocket").value();
+  const uint32_t id = game.world.spawn_unchecked(type, to_fixed(400), 0, to_fixed(50)).id;
+  game.tic();
+  EXPECT_EQ(game.world.find_actor(id)->velocity_x, 1);
+}
+
+// Probe: PROP_TOTALLYFROZEN in the air, and after the trigger: ON_GROUND is 1 after the fall, the next jump no later than without,
+// the shot falls, MODINPUT_BUTTONS is 0 and INPUT_BUTTONS is not.
+TEST(VizdoomRules, WhoIsTotallyFrozenGoesOnWithoutKeys) {
+  Game game(plain_room().build());
+  Player& player = game.world.state().players[0];
+  const uint32_t clip = catalog()->find("Clip").value();
+  for (int tic = 0; tic < 30; ++tic) game.tic();
+  Buttons keys;
+  keys.jump = keys.attack = true;
+  game.tic(keys);
+  player.totally_frozen = true;
+  const int32_t clips = count_item(game.world, 0, clip);
+  keys.forward = true;
+  for (int tic = 0; tic < 40; ++tic) game.tic(keys);
+  EXPECT_TRUE(player.on_ground);
+  EXPECT_TRUE(player.weapon_ready);
+  EXPECT_EQ(count_item(game.world, 0, clip), clips - 1);
+  EXPECT_EQ(game.body().velocity_x, 0);
+  constexpr int32_t kButtons = 1, kModifiedButtons = 9;
+  EXPECT_NE(acs::player_input(game.world, 0, kButtons), 0);
+  EXPECT_EQ(acs::player_input(game.world, 0, kModifiedButtons), 0);
+  player.totally_frozen = false;
+  EXPECT_EQ(game.tics_to_jump(20), 1);
+}
+
+// Probe: SetActorVelocity(0, -9, 3, 0, add, bob) while walking: without add the bob begins anew, whatever the last argument.
+TEST(VizdoomRules, SetActorVelocityEndsTheBobUnlessItAdds) {
+  for (const bool add : {false, true}) {
+    acs::test::BehaviorBuilder code;
+    code.script(1, static_cast<int>(acs::ScriptType::kEnter))
+        .push({0, to_fixed(-9), to_fixed(3), 0, add, 0})
+        .call(bytecode::BuiltIn::kSetActorVelocity, 6)
+        .op(bytecode::PCode::kDrop)
+        .end();
+    const auto behavior = acs::Behavior::load(code.build(), "TEST");
+    ASSERT_TRUE(behavior.has_value()) << behavior.error().message;
+    World world(plain_room().build(), catalog(), *behavior);
+    reset_world(world, {});
+    Player& player = world.state().players[0];
+    player.walk_x = to_fixed(5);
+    run_tic(world, {});
+    EXPECT_EQ(player.walk_x, add ? to_fixed(5) : 0);
+  }
+}
+
+// Probe: TeleportOther of an item to where the player stands: it stays where it is.
+TEST(VizdoomRules, NothingTeleportsOntoWhatCanBeShot) {
+  constexpr int kTeleportOther = 76;
+  for (const bool taken : {false, true}) {
+    test::LevelBuilder room = plain_room();
+    room.thing(2012, 200, 200, 0, 5).thing(14, taken ? 128 : 600, 0, 0, 90);
+    Game game(room.build());
+    game.world.events().run_special(game.world, {.number = kTeleportOther, .args = {5, 90, 0, 0, 0}});
+    EXPECT_EQ(game.world.find_thing(5)->x, to_fixed(taken ? 200 : 600));
+  }
+}
+
+// Probe: Spawn beside a shut door and beside an opening of 28: what is higher than the opening under its box does not fit.
+TEST(VizdoomRules, NothingSpawnsHalfInWhatIsTooLow) {
+  for (const auto& [ceiling, fits] : {std::pair(0, false), std::pair(15, false), std::pair(28, true)}) {
+    test::LevelBuilder room;
+    const uint32_t hall = room.sector(0, 256), low = room.sector(0, ceiling);
+    room.room(hall, 0, -256, 1024, 256).island(low, hall, 512, -240, 1008, 240).thing(1, 128, 0);
+    Game game(room.build());
+    EXPECT_EQ(spawn_actor(game.world, catalog()->find("Stimpack").value(), to_fixed(504), 0, 0, 0, 0, false)
+                  .has_value(),
+              fits)
+        << ceiling;
+  }
+}
+
+// Probe: Spawn of a missile where a body with SHOOTABLE and without SOLID stands: nothing appears.
+TEST(VizdoomRules, NoMissileSpawnsInWhatCanBeShot) {
+  Game game(plain_room().thing(2035, 400, 0, 0, 5).build());
+  game.world.find_thing(5)->set(ActorFlag::kSolid, false);
+  const uint32_t rocket = catalog()->find("Rocket").value();
+  EXPECT_FALSE(spawn_actor(game.world, rocket, to_fixed(400), 0, to_fixed(8), 0, 0, false));
+  EXPECT_TRUE(spawn_actor(game.world, rocket, to_fixed(600), 0, to_fixed(8), 0, 0, false));
+}
+
+// Probe: Sector_SetFriction(99, 50), one tic of MOVE_FORWARD across a velocity of 0.99 and 1.01 times 15000, 30000 and 60000 of
+// 65536: the push doubles at each of the three.
+TEST(VizdoomRules, InMudTheFastPushBetter) {
+  std::vector<Fixed> pushes;
+  for (const Fixed speed : {14'850, 15'150, 29'700, 30'300, 59'400, 60'600}) {
+    Game game(plain_room().build());
+    Sector& mud = game.world.state().sectors[0];
+    mud.special_friction = game.world.state().has_special_friction = true;
+    mud.friction = 0xDC00, mud.move_factor = 64;
+    Buttons keys;
+    keys.forward = true;
+    game.tic();
+    game.body().velocity_y = speed;
+    const Fixed before = game.body().x;
+    game.tic(keys);
+    pushes.push_back(game.body().x - before);
+  }
+  ASSERT_GT(pushes[0], 1000);
+  const std::vector<int> factors = {1, 2, 2, 4, 4, 8};
+  for (std::size_t i = 0; i < factors.size(); ++i) EXPECT_NEAR(pushes[i], factors[i] * pushes[0], 8) << i;
+}
+
+// Probe: lines with Teleport_NoFog(90, facing) crossed with a velocity of 6.4 at 270 degrees, destination at 50: facing 0 turns by
+// the line's angle less the destination's plus 90, 1 to 3 face as the destination.
+TEST(VizdoomRules, TeleportNoFogOfALineTurnsByTheLine) {
+  for (const int facing : {0, 1, 2, 3}) {
+    test::LevelBuilder room;
+    const uint32_t hall = room.sector(0, 256), strip = room.sector(0, 256);
+    room.room(hall, 0, -256, 1024, 256).island(strip, hall, 256, -200, 512, 200).thing(1, 300, 0, 270);
+    room.thing(14, 800, 100, 50, 90);
+    Game game(room.build());
+    constexpr int kNorthLine = 5;  // from (256, 200) to (512, 200), east
+    game.body().velocity_y = to_fixed(-6);
+    const SpecialCall call{
+        .number = 71, .args = {90, facing, 0, 0, 0}, .activator = &game.body(), .line = kNorthLine};
+    EXPECT_NE(game.world.events().run_special(game.world, call), 0);
+    const Angle expected =
+        facing == 0 ? degrees_to_angle(270) - degrees_to_angle(50) + kAngle90 : degrees_to_angle(50);
+    EXPECT_EQ(game.body().angle, expected) << facing;
+    EXPECT_EQ(game.body().velocity_y != 0, facing == 0) << facing;
+  }
+}
+
+// Probe: A_Explode(5, 64, 0) of a body that can be shot: the neighbour loses 2, itself nothing; without the 0 it loses 5.
+TEST(VizdoomRules, ABlastThatSparesItsSourceSparesItsSpot) {
+  for (const bool hurts : {false, true}) {
+    Game game(plain_room().thing(2035, 400, 0, 0, 5).thing(2035, 440, 0, 0, 6).build());
+    Actor& spot = *game.world.find_thing(5);
+    const Actor& other = *game.world.find_thing(6);
+    const int32_t health = spot.health;
+    radius_attack(game.world, spot, nullptr, 5, to_fixed(64), DamageType::kNormal, hurts);
+    EXPECT_EQ(spot.health, hurts ? health - 5 : health);
+    EXPECT_LT(other.health, health);
+  }
+}
+
+// Probe: sectors of special 71 (5 points), 256 + 69 (5 of the bits, 10 of the type), with damageamount 3, and after
+// Sector_SetDamage of 20 and of 0: one hit every 32 tics, of the last in this order.
+TEST(VizdoomRules, ASectorHurtsInOneWay) {
+  struct Case {
+    int special, of_map, of_script, expected;
+  };
+  constexpr int kSetDamage = 214, kNothing = -1;
+  for (const auto& [special, of_map, of_script, expected] :
+       {Case{71, 0, kNothing, 5}, Case{256 + 69, 0, kNothing, 5}, Case{512 + 71, 0, kNothing, 10},
+        Case{256 + 75, 0, kNothing, 5}, Case{71, 3, kNothing, 3}, Case{71, 0, 20, 20}, Case{256, 0, 2, 2},
+        Case{71, 0, 0, 0}}) {
+    Game game(plain_room().build());
+    game.tic();
+    Sector& sector = game.world.state().sectors[0];
+    sector.special = special, sector.damage_amount = of_map;
+    if (of_script != kNothing)
+      game.world.events().run_special(game.world, {.number = kSetDamage, .args = {1, of_script, 0, 0, 0}});
+    for (int tic = 0; tic < 40; ++tic) game.tic();
+    EXPECT_EQ(game.body().health, 100 - expected) << special << " " << of_map << " " << of_script;
+    EXPECT_EQ(game.world.player(0).hits_taken, expected > 0 ? 1 : 0);
+  }
+}
+
+// Probe: things on the sloped sides of an island of 72, its front without and within: they lie behind the line.
+TEST(VizdoomRules, APointOnASlopedLineLiesBehindIt) {
+  for (const bool faces_inside : {false, true}) {
+    test::LevelBuilder room;
+    const uint32_t hall = room.sector(0, 256), high = room.sector(72, 256);
+    test::LevelBuilder::Points clockwise = {{400, 0}, {500, 100}, {600, 0}, {500, -100}};
+    if (!faces_inside) std::reverse(clockwise.begin(), clockwise.end());
+    room.room(hall, 0, -512, 1024, 512)
+        .island(clockwise, faces_inside ? high : hall, faces_inside ? hall : high);
+    const auto level = room.build();
+    for (const auto& [x, y] :
+         {std::pair(440, 40), std::pair(540, 60), std::pair(560, -40), std::pair(460, -60)})
+      EXPECT_EQ(level->index->sectors.sector_at(to_fixed(x), to_fixed(y)), faces_inside ? hall : high);
+  }
 }
 
 }  // namespace vizdoom_rules_test
