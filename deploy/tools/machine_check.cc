@@ -305,8 +305,7 @@ CheckResult check_rendering() {
   const auto rate = one_second("comrad-sim-worker", {});
   return rate ? ok("rendering",
                    std::string("by ") + word_of(RunConfig().environment.renderer) + ", " + per_second(*rate))
-              : fail("rendering", rate.error().message,
-                     "apt-get install freedoom, then ./comrad doctor");
+              : fail("rendering", rate.error().message, "apt-get install freedoom, then ./comrad doctor");
 }
 
 CheckResult check_inference() {

@@ -90,6 +90,14 @@ void settle_variant(const RunConfig& before, bool names_variant, RunConfig& conf
   if (!variant.empty()) scenario += "@" + variant;
 }
 
+/// What a run had whose file is older than these settings.
+RunConfig oldest_run() {
+  RunConfig config;
+  config.environment.scenario_version = 1;
+  config.environment.renderer = RendererKind::kOsmesa;
+  return config;
+}
+
 }  // namespace
 
 Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
@@ -157,22 +165,19 @@ std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
 }
 
 std::string changed_settings_to_toml(const RunConfig& config) {
-  const RunConfig built_in;
+  const RunConfig without_rows = oldest_run();
   std::string rows;
   for (const SettingRow& row : setting_rows()) {
     const bool names_a_run = row.name == "scenario" || row.name == "algo" || row.name == "seed";
     const std::string value = row.text(config);
-    if (names_a_run || value != row.text(built_in)) rows += setting_toml(row, value);
+    if (names_a_run || value != row.text(without_rows)) rows += setting_toml(row, value);
   }
   return rows;
 }
 
 Expected<RunConfig> load_run_config(const std::string& path) {
   COMRAD_TRY_ASSIGN(const SettingsLayer layer, read_settings_toml(path));
-  RunConfig config;
-  // Of a run that is older than these settings.
-  config.environment.scenario_version = 1;
-  config.environment.renderer = RendererKind::kOsmesa;
+  RunConfig config = oldest_run();
   COMRAD_TRY(apply_layer(config, layer));
   return config;
 }

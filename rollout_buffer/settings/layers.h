@@ -27,8 +27,8 @@ Expected<SettingsLayer> read_settings_toml(const std::string& path);
 std::string settings_to_toml(const RunConfig& config,
                              const std::vector<std::pair<std::string, std::string>>& asked_for = {});
 
-/// The rows alone that differ from the built-in settings, and what names a run: its scenario, algorithm and seed. Read back it
-/// gives `config` for as long as the built-in settings stay what they are.
+/// The rows alone that differ from what load_run_config() makes of an empty file, and what names a run: its scenario, algorithm
+/// and seed. Read back it gives `config` for as long as the built-in settings stay what they are.
 std::string changed_settings_to_toml(const RunConfig& config);
 
 /// Reads config.toml of a run, whose values and not those of [asked_for] count: every worker's first step. One that says no

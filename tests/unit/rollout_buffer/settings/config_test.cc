@@ -157,18 +157,21 @@ class SettingsToml : public ::testing::Test {
 TEST_F(SettingsToml, ChangedRowsAloneReadBackWithoutLoss) {
   RunConfig config;
   EXPECT_EQ(changed_settings_to_toml(config),
-            "scenario = \"coop_health_gathering\"\nalgo = \"ippo\"\nseed = 42\n");
+            "scenario = \"coop_health_gathering\"\nalgo = \"ippo\"\nseed = 42\nscenario_version = 0\n"
+            "renderer = \"painter\"\n");
   config.run.algo = "vdn";
   config.environment.scenario_version = 2;
   config.optimisation.learning_rate = 0.1 + 0.2;
   config.collection.async_rl = false;
   const std::string rows = changed_settings_to_toml(config);
-  EXPECT_EQ(std::ranges::count(rows, '\n'), 6);
+  EXPECT_EQ(std::ranges::count(rows, '\n'), 7);
   const Expected<RunConfig> read = load_run_config(folder_.write("changed.toml", rows));
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(settings_to_toml(*read), settings_to_toml(config));
-  EXPECT_EQ(load_run_config(folder_.write("old.toml", "seed = 7\n"))->environment.scenario_version, 1)
-      << "older than versions";
+  const Expected<RunConfig> old = load_run_config(folder_.write("old.toml", "seed = 7\n"));
+  ASSERT_TRUE(old) << old.error().message;
+  EXPECT_EQ(old->environment.scenario_version, 1);
+  EXPECT_EQ(old->environment.renderer, RendererKind::kOsmesa);
 }
 
 TEST_F(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
