@@ -47,7 +47,7 @@ Status keep_episodes(const std::string& folder, const EvaluationGame& game, cons
   std::error_code failed;
   fs::create_directories(folder, failed);
   if (failed) return file_error("cannot make " + folder, failed.value());
-  for (const dds::EpisodeResult& episode : played.episodes) {
+  for (const EpisodeRecord& episode : played.episodes) {
     const std::string recorded =
         plan.episodes_folder() + "/" + std::to_string(episode.episode_seed) + ".comrad";
     const std::string text = read_file(recorded).value_or("");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "deploy/evaluation/statistics.h"
@@ -12,9 +13,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json share_of(const dds::EpisodeResult& episode) {
-  return episode.ceiling > 0 ? Json(episode.score / episode.ceiling) : Json();
-}
+double share_of(const EpisodeRecord& episode) { return double{episode.score} / double{episode.ceiling}; }
+
+std::vector<double> numbers(std::span<const float> values) { return {values.begin(), values.end()}; }
 
 Json normalised(const ScoreScale& scale, double score) {
   return scale.references ? Json(scale.references->normalised(score)) : Json();
@@ -22,7 +23,7 @@ Json normalised(const ScoreScale& scale, double score) {
 
 std::vector<double> scores_of(const PlayedTeam& played) {
   std::vector<double> scores;
-  for (const dds::EpisodeResult& episode : played.episodes) scores.push_back(episode.score);
+  for (const EpisodeRecord& episode : played.episodes) scores.push_back(episode.score);
   return scores;
 }
 
@@ -54,7 +55,7 @@ std::string checkpoint_text(const EvaluationGame& game, const Team& team) {
 void add_layouts(const EvaluationGame& game, const PlayedTeam& played, Json& summary) {
   if (game.pool.layouts.empty()) return;
   std::vector<std::vector<double>> by_layout(game.pool.layouts.size());
-  for (const dds::EpisodeResult& episode : played.episodes)
+  for (const EpisodeRecord& episode : played.episodes)
     by_layout[game.map_of(episode.episode_id)].push_back(episode.score);
   std::vector<double> means;
   Json layouts = Json::object(), allowed = layouts;
@@ -95,14 +96,14 @@ Json summarise(const EvaluationGame& game, const PlayedTeam& played, const Score
   std::vector<double> returns, lengths, ceilings, shares;
   std::vector<double> agent_scores(agents, 0.0);
   const std::vector<double> scores = scores_of(played);
-  for (const dds::EpisodeResult& episode : played.episodes) {
-    returns.push_back(mean(episode.agent_return));
+  for (const EpisodeRecord& episode : played.episodes) {
+    returns.push_back(mean(numbers(episode.returns())));
     lengths.push_back(episode.length_tics);
     for (std::size_t agent = 0; agent < agents; ++agent)
-      agent_scores[agent] += agent < episode.agent_score.size() ? episode.agent_score[agent] : std::nan("");
+      agent_scores[agent] += agent < episode.scores().size() ? double{episode.scores()[agent]} : std::nan("");
     if (!(episode.ceiling > 0)) continue;
     ceilings.push_back(episode.ceiling);
-    shares.push_back(episode.score / episode.ceiling);
+    shares.push_back(share_of(episode));
   }
   for (double& score : agent_scores) score /= static_cast<double>(played.episodes.size());
   const Team& team = *played.team;
@@ -130,20 +131,20 @@ Json summarise(const EvaluationGame& game, const PlayedTeam& played, const Score
                              {"from", scale.source}};
   if (!team.is_uniform()) summary["seats"] = team.players;
   Json maps = Json::object();
-  for (const dds::EpisodeResult& episode : played.episodes)
+  for (const EpisodeRecord& episode : played.episodes)
     maps[game.map_name(episode.episode_id)] = game.map_hashes[game.map_of(episode.episode_id)];
   summary["map_hashes"] = maps;
   // Simulators play the layouts of a pool in turn, by the number of the episode.
   if (each)
-    for (const dds::EpisodeResult& episode : played.episodes)
+    for (const EpisodeRecord& episode : played.episodes)
       summary["each"].push_back({{"episode", episode.episode_id},
                                  {"layout", game.map_name(episode.episode_id)},
                                  {"J", episode.score},
-                                 {"J_per_agent", episode.agent_score},
+                                 {"J_per_agent", numbers(episode.scores())},
                                  {"ceiling", episode.ceiling},
                                  {"length_tics", episode.length_tics},
-                                 {"terminated", episode.terminated},
-                                 {"return", mean(episode.agent_return)}});
+                                 {"terminated", episode.terminated != 0},
+                                 {"return", mean(numbers(episode.returns()))}});
   add_layouts(game, played, summary);
   return summary;
 }
@@ -152,7 +153,7 @@ std::vector<Json> episode_rows(const EvaluationGame& game, const PlayedTeam& pla
                                const ScoreScale& scale) {
   std::vector<Json> rows;
   const Team& team = *played.team;
-  for (const dds::EpisodeResult& episode : played.episodes)
+  for (const EpisodeRecord& episode : played.episodes)
     rows.push_back({{"policy", team.name},
                     {"scenario", game.merged.config.run.scenario},
                     {"episode", episode.episode_id},
@@ -160,13 +161,13 @@ std::vector<Json> episode_rows(const EvaluationGame& game, const PlayedTeam& pla
                     {"layout", game.map_name(episode.episode_id)},
                     {"map_hash", game.map_hashes[game.map_of(episode.episode_id)]},
                     {"J", episode.score},
-                    {"J_per_agent", episode.agent_score},
+                    {"J_per_agent", numbers(episode.scores())},
                     {"ceiling", episode.ceiling > 0 ? Json(episode.ceiling) : Json()},
-                    {"J_share", share_of(episode)},
+                    {"J_share", episode.ceiling > 0 ? Json(share_of(episode)) : Json()},
                     {"J_normalised", normalised(scale, episode.score)},
-                    {"return", mean(episode.agent_return)},
+                    {"return", mean(numbers(episode.returns()))},
                     {"length_tics", episode.length_tics},
-                    {"terminated", episode.terminated},
+                    {"terminated", episode.terminated != 0},
                     {"config_hash", of_seats(game, team, config_hash_of)},
                     {"checkpoint_hash", of_seats(game, team, checkpoint_hash_of)}});
   return rows;

@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "deploy/evaluation/evaluation_game.h"
-#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/schema/episode_record.h"
 
 namespace comrad::deploy {
 
 /// The episodes of one team, ordered by episode_id.
 struct PlayedTeam {
   const Team* team;
-  std::vector<dds::EpisodeResult> episodes;
+  std::vector<EpisodeRecord> episodes;
 };
 
 /// What J is compared with.

@@ -82,29 +82,14 @@ void RunHub::note(const std::string& text) {
 }
 
 void RunHub::drain_episodes(RunMeter& meter) {
-  const auto agents = static_cast<std::size_t>(arena_->shape().trajectory.env.num_agents);
-  while (const std::optional<shm::EpisodeRecord> record = arena_->episodes().pop()) {
-    dds::EpisodeResult result{
-        .scenario = plan_.config.run.scenario,
-        .layout_id = record->layout_id,
-        .episode_id = record->episode_id,
-        .episode_seed = record->episode_seed,
-        .env_index = record->env_index,
-        .score = record->score,
-        .ceiling = record->ceiling,
-        .agent_return = std::vector<double>(record->agent_return, record->agent_return + agents),
-        .agent_score = std::vector<double>(record->agent_score, record->agent_score + agents),
-        .length_steps = record->length_steps,
-        .length_tics = record->length_tics,
-        .terminated = record->terminated != 0,
-    };
-    if (plan_.drains()) arena_->episodes().forward(*record);
-    tell(result);
-    if (result.episode_id < plan_.episodes) meter.add(std::move(result));
+  while (const std::optional<EpisodeRecord> record =
+             arena_->episodes().read(shm::EpisodeReader::kSupervisor)) {
+    tell(dds::EpisodeResult{.scenario = plan_.config.run.scenario, .record = *record});
+    if (record->episode_id < plan_.episodes) meter.add(*record);
   }
-  if (const uint64_t dropped = arena_->episodes().dropped(); dropped > episodes_dropped_) {
-    episodes_dropped_ = dropped;
-    note(std::to_string(dropped) + " episode records were lost: the supervisor was held up");
+  if (const uint64_t lost = arena_->episodes().lost(shm::EpisodeReader::kSupervisor); lost > episodes_lost_) {
+    episodes_lost_ = lost;
+    note(std::to_string(lost) + " episode records were lost: the supervisor was held up");
   }
 }
 

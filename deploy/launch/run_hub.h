@@ -46,7 +46,7 @@ class RunHub final : public RunEffects {
   /// The next worker that has joined, if one has. Also where the hub is not open.
   std::optional<shm::JoinRequest> next_join();
 
-  /// Takes the simulators' episodes: on to the learner, to monitors, and, of an evaluation, to the meter.
+  /// Reads the simulators' episodes: on to monitors, and, of an evaluation, to the meter.
   void drain_episodes(RunMeter& meter);
   /// Tells monitors of the supervisor, which is in `state`, and of its simulators; the other workers speak
   /// for themselves.
@@ -67,7 +67,7 @@ class RunHub final : public RunEffects {
   std::optional<shm::ArenaServer> server_;
   std::optional<dds::Bus> bus_;
   bool has_warned_ = false;
-  uint64_t episodes_dropped_ = 0;
+  uint64_t episodes_lost_ = 0;
   double workers_told_s_ = 0;
   std::vector<uint64_t> decisions_told_;  // by simulator, at that time
 };

@@ -88,7 +88,7 @@ std::optional<dds::TrainStats> RunMeter::take_report() {
   return last_stats_;
 }
 
-void RunMeter::add(dds::EpisodeResult episode) { episodes_.emplace(episode.episode_id, std::move(episode)); }
+void RunMeter::add(const EpisodeRecord& episode) { episodes_.emplace(episode.episode_id, episode); }
 
 /// How many times its length a window waits for the update that closes it.
 constexpr double kPatience = 10;

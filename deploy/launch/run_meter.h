@@ -67,7 +67,7 @@ class RunMeter {
   /// The learner's report, if there is a new one.
   std::optional<dds::TrainStats> take_report();
   /// An episode of an evaluation. A restarted simulator plays some again; they count once.
-  void add(dds::EpisodeResult episode);
+  void add(const EpisodeRecord& episode);
 
   /// All workers are there at `now_s`; after everything was restarted, again.
   void begin(double now_s) { running_since_s_ = now_s; }
@@ -92,7 +92,7 @@ class RunMeter {
   const dds::TrainStats& last_stats() const { return last_stats_; }
   /// Share of the decisions in the replay that learning waits for; 1: it waits for none.
   double replay_filled() const { return replay_filled_; }
-  const std::map<uint64_t, dds::EpisodeResult>& episodes() const { return episodes_; }
+  const std::map<uint64_t, EpisodeRecord>& episodes() const { return episodes_; }
   /// NaN before the first episode.
   double episode_score_mean() const;
   const MeasuredWindow& window() const { return window_; }
@@ -121,7 +121,7 @@ class RunMeter {
   double replay_filled_ = 1;
   int goings_back_ = 0;
   uint64_t env_frames_lost_ = 0;
-  std::map<uint64_t, dds::EpisodeResult> episodes_;
+  std::map<uint64_t, EpisodeRecord> episodes_;
   double running_since_s_ = 0;
   double first_work_s_ = 0;
   double window_began_s_ = 0;

@@ -22,7 +22,7 @@ struct RunOutcome {
   std::string
       message;  ///< how it ended, env frames, time, both rates over the run, J, checkpoint; one line to show
   dds::TrainStats last_stats;
-  std::vector<dds::EpisodeResult> episodes;  ///< evaluation: all of them, ordered by episode_id
+  std::vector<EpisodeRecord> episodes;  ///< evaluation: all of them, ordered by episode_id
   MeasuredWindow measured;
   double lag_mean = 0;
   DecisionAccounts accounts = {};  ///< of training: where every decision went

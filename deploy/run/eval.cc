@@ -174,7 +174,7 @@ void print_results(const EvaluationRequest& request, const std::vector<PlayedTea
     std::vector<std::vector<double>> scores;
     for (const PlayedTeam& one : played) {
       scores.emplace_back();
-      for (const dds::EpisodeResult& episode : one.episodes) scores.back().push_back(episode.score);
+      for (const EpisodeRecord& episode : one.episodes) scores.back().push_back(episode.score);
     }
     const CrossPlay result = cross_play_of(request.cross_play, scores);
     const std::size_t count = request.cross_play.size();

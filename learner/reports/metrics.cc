@@ -24,8 +24,8 @@ double RateWindow::rate(uint64_t Sample::*counter) const {
   return seconds > 0 ? static_cast<double>(last.*counter - first.*counter) / seconds : 0;
 }
 
-void EpisodeWindow::add(const shm::EpisodeRecord& episode, int num_agents) {
-  const std::span<const float> returns(episode.agent_return, static_cast<std::size_t>(num_agents));
+void EpisodeWindow::add(const EpisodeRecord& episode, int num_agents) {
+  const std::span returns = std::span(episode.agent_return).first(static_cast<std::size_t>(num_agents));
   const auto [low, high] = std::minmax_element(returns.begin(), returns.end());
   push({.score = episode.score,
         .return_mean = std::accumulate(returns.begin(), returns.end(), 0.0) / num_agents,

@@ -10,7 +10,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/metrics/metrics_file.h"
-#include "rollout_buffer/shm/episode_stream.h"
+#include "rollout_buffer/schema/episode_record.h"
 
 namespace comrad::learn {
 
@@ -41,7 +41,7 @@ class EpisodeWindow {
  public:
   explicit EpisodeWindow(int64_t capacity) : capacity_(capacity < 1 ? 1 : capacity) {}
 
-  void add(const shm::EpisodeRecord& episode, int num_agents);
+  void add(const EpisodeRecord& episode, int num_agents);
   uint64_t episodes() const { return episodes_; }      ///< since the learner began
   std::size_t size() const { return window_.size(); }  ///< in the window
   /// Whether as many episodes are in the window as it holds: means over fewer are luck.

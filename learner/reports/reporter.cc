@@ -65,7 +65,7 @@ void Reporter::updated(const UpdateStats& stats) {
 }
 
 void Reporter::hear_episodes() {
-  while (const std::optional<shm::EpisodeRecord> episode = arena_.episodes().pop_forwarded())
+  while (const std::optional<EpisodeRecord> episode = arena_.episodes().read(shm::EpisodeReader::kLearner))
     episodes_.add(*episode, arena_.shape().trajectory.env.num_agents);
 }
 

@@ -52,7 +52,7 @@ class Reporter {
   void updated(const UpdateStats& stats);
   void saved(const std::string& checkpoint) { last_checkpoint_ = checkpoint; }
 
-  /// Takes the episodes that the supervisor passed on.
+  /// Takes the episodes that have ended since.
   void hear_episodes();
   EpisodeWindow& episodes() { return episodes_; }
   const EpisodeWindow& episodes() const { return episodes_; }

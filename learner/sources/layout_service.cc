@@ -12,6 +12,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/layout_mailbox.h"
 
 namespace comrad::learn {
@@ -193,26 +194,18 @@ Expected<std::unique_ptr<LayoutService>> LayoutService::open(const RunConfig& co
 void LayoutService::serve(const shm::Arena& arena) {
   const auto known = static_cast<uint32_t>(curriculum_->task_count());
   late_draws_ = 0;
-  for (int env = 0; env < arena.shape().env_count(); ++env) {
-    shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
-    const uint64_t reported = mailbox.reported.load(std::memory_order_acquire);
-    uint64_t heard = mailbox.heard.load(std::memory_order_relaxed);
-    if (reported - heard > shm::kMailboxOutcomes) {  // the oldest ones were overwritten
-      lost_outcomes_ += reported - heard - shm::kMailboxOutcomes;
-      heard = reported - shm::kMailboxOutcomes;
-    }
-    for (; heard < reported; ++heard) {
-      const shm::LayoutOutcome outcome =
-          shm::unpack_outcome(mailbox.outcome[heard % shm::kMailboxOutcomes].load(std::memory_order_acquire));
-      if (outcome.layout_index < known && std::isfinite(outcome.score))
-        curriculum_->update(static_cast<int>(outcome.layout_index), outcome.score);
-    }
-    mailbox.heard.store(heard, std::memory_order_relaxed);
-    late_draws_ += mailbox.late.load(std::memory_order_relaxed);
-  }
+  std::vector<EpisodeRecord> ended;
+  while (const auto record = arena.episodes().read(shm::EpisodeReader::kCurriculum)) ended.push_back(*record);
+  // Of the episodes of one simulator timing chooses the order; in this one a run in lock step repeats itself.
+  std::ranges::stable_sort(ended, {}, &EpisodeRecord::env_index);
+  for (const EpisodeRecord& record : ended)
+    if (record.layout_index < known && std::isfinite(record.score))
+      curriculum_->update(static_cast<int>(record.layout_index), record.score);
+  lost_outcomes_ = arena.episodes().lost(shm::EpisodeReader::kCurriculum);
   // Outcomes first, assignments then: all draws of one round see the same weights.
   for (int env = 0; env < arena.shape().env_count(); ++env) {
     shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
+    late_draws_ += mailbox.late.load(std::memory_order_relaxed);
     if (mailbox.is_due()) mailbox.assign(static_cast<uint32_t>(curriculum_->draw()));
   }
 }

@@ -1,9 +1,9 @@
-// The one curriculum of a run at work: hears from the arena's layout desks how episodes ended, grants every
+// The one curriculum of a run at work: reads from the arena's episode stream how episodes ended, assigns every
 // environment its next layout, and tells PLR what training saw of each layout. Lives in the learner's
 // training thread. Stage: reset, from the learner's side.
 //
-//   simulator ── outcome ──▶ desk ── serve ──▶ curriculum.update
-//   simulator ◀─── grant ─── desk ◀── serve ── curriculum.draw
+//   simulator ── episode stream ──▶ serve ──▶ curriculum.update
+//   simulator ◀─ layout mailbox ── serve ◀── curriculum.draw
 //   batch ── score ──▶ curriculum.score (PLR)
 #pragma once
 
@@ -53,8 +53,8 @@ class LayoutService {
   /// Errors: those of read_layout_list(), curriculum_options() and Curriculum::create().
   static Expected<std::unique_ptr<LayoutService>> open(const RunConfig& config, const std::string& run_dir);
 
-  /// Takes in what lies on the desks, in the order of the environments, then draws for every environment that
-  /// took its last grant. Never blocks.
+  /// Takes in the episodes that have ended, in the order of the environments, then draws for every environment that
+  /// took its last assignment. Never blocks.
   void serve(const shm::Arena& arena);
 
   /// A trained batch of this learner and those of all others: masks and advantages are the algorithm's.
@@ -87,7 +87,7 @@ class LayoutService {
   std::unique_ptr<Curriculum> curriculum_;
   std::optional<PlrScore> score_key_;  // none: the strategy does not listen to training
   std::vector<int64_t> desks_;         // [env, kDeskFields]; empty: none remembered
-  uint64_t lost_outcomes_ = 0;         // that desks had no room for
+  uint64_t lost_outcomes_ = 0;         // that it came too late for
   uint64_t late_draws_ = 0;
 };
 

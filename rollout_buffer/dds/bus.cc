@@ -6,23 +6,16 @@
 #include <set>
 #include <utility>
 
+#include "rollout_buffer/dds/episode_wire.h"
 #include "rollout_buffer/dds/participant.h"
 
 namespace comrad::dds {
 namespace {
 
-constexpr int kBusVersion = 4;  // part of the partition: builds that disagree on comrad.idl do not meet
+constexpr int kBusVersion = 5;  // part of the partition: builds that disagree on comrad.idl do not meet
 constexpr int kEpisodeHistory = 1000;
 constexpr std::size_t kMaxPending =
     4096;  // statuses kept for a caller that only asks who was lost, or the reverse
-
-dds_sequence_double view(const std::vector<double>& values) {
-  return sequence_of<dds_sequence_double>(std::span(values));
-}
-
-std::vector<double> get(const dds_sequence_double& sequence) {
-  return std::vector<double>(sequence._buffer, sequence._buffer + sequence._length);
-}
 
 template <typename T>
 void forget_oldest(std::vector<T>& pending) {
@@ -140,23 +133,9 @@ Status Bus::write(const WeightsUpdate& update) {
 }
 
 Status Bus::write(const EpisodeResult& result) {
-  constexpr std::size_t kMaxAgentsOnWire = 8;  // the bound in comrad.idl
-  if (result.agent_return.size() > kMaxAgentsOnWire || result.agent_score.size() > kMaxAgentsOnWire) {
-    return Error{ErrorCode::kBadInput, "EpisodeResult: more than 8 agents"};
-  }
   comrad_wire_EpisodeResult out{};
   put(out.scenario, result.scenario);
-  out.layout_id = result.layout_id;
-  out.episode_id = result.episode_id;
-  out.episode_seed = result.episode_seed;
-  out.env_index = result.env_index;
-  out.score = result.score;
-  out.ceiling = result.ceiling;
-  out.agent_return = view(result.agent_return);
-  out.agent_score = view(result.agent_score);
-  out.length_steps = result.length_steps;
-  out.length_tics = result.length_tics;
-  out.terminated = result.terminated;
+  out.record = wire_of(result.record);
   return state_->write(kEpisodeResult, out);
 }
 
@@ -216,18 +195,7 @@ std::vector<EpisodeResult> Bus::take_episode_results() {
   std::vector<EpisodeResult> results;
   state_->take<comrad_wire_EpisodeResult>(kEpisodeResult, [&](const auto& in, const dds_sample_info_t& info) {
     if (!info.valid_data) return;
-    results.push_back({.scenario = get(in.scenario),
-                       .layout_id = in.layout_id,
-                       .episode_id = in.episode_id,
-                       .episode_seed = in.episode_seed,
-                       .env_index = in.env_index,
-                       .score = in.score,
-                       .ceiling = in.ceiling,
-                       .agent_return = get(in.agent_return),
-                       .agent_score = get(in.agent_score),
-                       .length_steps = in.length_steps,
-                       .length_tics = in.length_tics,
-                       .terminated = in.terminated});
+    results.push_back({.scenario = get(in.scenario), .record = record_of(in.record)});
   });
   return results;
 }

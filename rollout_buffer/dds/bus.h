@@ -11,6 +11,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus_config.h"
+#include "rollout_buffer/schema/episode_record.h"
 
 namespace comrad::dds {
 
@@ -42,17 +43,7 @@ struct WeightsUpdate {
 /// One finished episode (topic EpisodeResult).
 struct EpisodeResult {
   std::string scenario;
-  uint64_t layout_id = 0;
-  uint64_t episode_id = 0;
-  uint64_t episode_seed = 0;
-  uint32_t env_index = 0;
-  double score = 0;                  ///< J
-  double ceiling = 0;                ///< the best J that the map allows so many agents; 0: not known
-  std::vector<double> agent_return;  ///< [N]
-  std::vector<double> agent_score;   ///< [N]
-  uint32_t length_steps = 0;
-  uint32_t length_tics = 0;
-  bool terminated = false;
+  EpisodeRecord record;
 };
 
 /// The learner's report (topic TrainStats).

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/dds/episode_wire.h"
 #include "rollout_buffer/dds/keys.h"
 #include "rollout_buffer/dds/participant.h"
 
@@ -18,7 +19,6 @@ constexpr int kLinkEpisodeHistory = 4096;
 constexpr int kFragmentLimit = 256;  // x 258 kB: what a reader or writer holds at most
 constexpr int kFrameLimit = 64;      // batches of 256 kB as a rule
 constexpr int kActionLimit = 1024;
-constexpr std::size_t kMaxAgentsOnWire = 8;
 
 enum LinkTopicIndex {
   kQuestion,
@@ -68,10 +68,6 @@ Error too_long(const char* what, std::size_t size, std::size_t most) {
 template <typename Sequence>
 std::span<const std::byte> bytes_of(const Sequence& sequence) {
   return {reinterpret_cast<const std::byte*>(sequence._buffer), sequence._length};
-}
-
-std::vector<float> floats_of(const dds_sequence_float& sequence) {
-  return {sequence._buffer, sequence._buffer + sequence._length};
 }
 
 }  // namespace
@@ -209,22 +205,9 @@ Status LinkBus::write(const WeightsChunk& chunk) {
 }
 
 Status LinkBus::write(const FeederEpisode& episode) {
-  for (const std::vector<float>* list : {&episode.agent_return, &episode.agent_score})
-    if (list->size() > kMaxAgentsOnWire)
-      return too_long("an episode's agents", list->size(), kMaxAgentsOnWire);
   comrad_wire_FeederEpisode out{};
   out.feeder_id = episode.feeder_id;
-  out.env_index = episode.env_index;
-  out.episode_id = episode.episode_id;
-  out.episode_seed = episode.episode_seed;
-  out.layout_id = episode.layout_id;
-  out.length_steps = episode.length_steps;
-  out.length_tics = episode.length_tics;
-  out.terminated = episode.terminated;
-  out.score = episode.score;
-  out.ceiling = episode.ceiling;
-  out.agent_return = sequence_of<dds_sequence_float>(std::span(episode.agent_return));
-  out.agent_score = sequence_of<dds_sequence_float>(std::span(episode.agent_score));
+  out.record = wire_of(episode.record);
   return state_->participant->write(kEpisode, out);
 }
 
@@ -347,20 +330,8 @@ void LinkBus::take_weights(const std::function<void(const WeightsChunk&)>& visit
 }
 
 void LinkBus::take_episodes(const std::function<void(const FeederEpisode&)>& visit) {
-  state_->take<comrad_wire_FeederEpisode>(kEpisode, [&](const auto& in) {
-    visit({.feeder_id = in.feeder_id,
-           .env_index = in.env_index,
-           .episode_id = in.episode_id,
-           .episode_seed = in.episode_seed,
-           .layout_id = in.layout_id,
-           .length_steps = in.length_steps,
-           .length_tics = in.length_tics,
-           .terminated = in.terminated,
-           .score = in.score,
-           .ceiling = in.ceiling,
-           .agent_return = floats_of(in.agent_return),
-           .agent_score = floats_of(in.agent_score)});
-  });
+  state_->take<comrad_wire_FeederEpisode>(
+      kEpisode, [&](const auto& in) { visit({.feeder_id = in.feeder_id, .record = record_of(in.record)}); });
 }
 
 void LinkBus::take_frames(const std::function<void(const FrameBatch&)>& visit) {

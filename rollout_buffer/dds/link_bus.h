@@ -13,10 +13,11 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus_config.h"
+#include "rollout_buffer/schema/episode_record.h"
 
 namespace comrad::dds {
 
-constexpr uint32_t kLinkVersion = 6;  ///< of the topics but the door's: other versions do not meet on them
+constexpr uint32_t kLinkVersion = 7;  ///< of the topics but the door's: other versions do not meet on them
 constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of a door's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them
@@ -126,17 +127,7 @@ struct ActionBatch {
 
 struct FeederEpisode {
   uint64_t feeder_id = 0;
-  uint32_t env_index = 0;
-  uint64_t episode_id = 0;
-  uint64_t episode_seed = 0;
-  uint64_t layout_id = 0;
-  uint32_t length_steps = 0;
-  uint32_t length_tics = 0;
-  bool terminated = false;
-  float score = 0;
-  float ceiling = 0;
-  std::vector<float> agent_return = {};
-  std::vector<float> agent_score = {};
+  EpisodeRecord record = {};
 };
 
 /// The configuration of a run's link, for all that know its id. It is a small domain: one receiver, and on each host a

@@ -8,7 +8,6 @@
 
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/episode_stream.h"
@@ -69,10 +68,11 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
     const double now_s = clock_.now_s();
     bus_.take_episodes([&](const dds::FeederEpisode& episode) {
       const auto guest = guests_.find(episode.feeder_id);
-      if (guest == guests_.end() || episode.env_index >= guest->second.mirrors.size()) return;
-      if (const auto record = record_of(episode, guest->second.mirrors[episode.env_index].env,
-                                        arena_.shape().trajectory.env.num_agents))
-        (void)arena_.episodes().push(*record);
+      const uint32_t env_index = episode.record.env_index;
+      if (guest == guests_.end() || env_index >= guest->second.mirrors.size()) return;
+      if (const auto record = own_episode(episode.record, guest->second.mirrors[env_index].env,
+                                          arena_.shape().trajectory.env.num_agents))
+        arena_.episodes().write(*record);
     });
     if (now_s - looked_s > 0.1) {
       looked_s = now_s;

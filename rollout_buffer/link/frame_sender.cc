@@ -7,7 +7,6 @@
 
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/futex.h"
@@ -387,11 +386,10 @@ void FrameSender::finish_done() {
 
 void FrameSender::send_episodes() {
   for (int count = 0; count < kEpisodesAtOnce && credit_ > 0; ++count) {
-    const std::optional<shm::EpisodeRecord> record = arena_.episodes().pop_forwarded();
+    const std::optional<EpisodeRecord> record = arena_.episodes().read(shm::EpisodeReader::kLearner);
     if (!record) return;
-    const Status written =
-        bus_.write(wire_of(*record, options_.feeder_id, arena_.shape().trajectory.env.num_agents));
-    if (!written) spdlog::warn("an episode's score is not told: {}", written.error().message);
+    const Status written = bus_.write(dds::FeederEpisode{.feeder_id = options_.feeder_id, .record = *record});
+    if (!written) spdlog::warn("the episode's score is lost: {}", written.error().message);
   }
 }
 

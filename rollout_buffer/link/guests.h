@@ -2,13 +2,16 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/seats.h"
+#include "rollout_buffer/schema/episode_record.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/slab_pool.h"
 
@@ -79,6 +82,18 @@ std::string other_game(const Asked& asked, uint64_t fingerprint, const shm::Aren
       asked.envs_per_worker != static_cast<uint32_t>(arena.shape().envs_per_worker))
     return "its trajectories are of another shape; install the same version on both hosts";
   return "";
+}
+
+/// An episode of another host as of environment `env` of this arena; nothing for one that no simulator could have written.
+inline std::optional<EpisodeRecord> own_episode(EpisodeRecord sent, int env, int num_agents) {
+  const auto is_finite = [](float number) { return std::isfinite(number); };
+  if (env < 0 || sent.agent_count != static_cast<uint32_t>(num_agents) || !is_finite(sent.score) ||
+      !is_finite(sent.ceiling) || !std::ranges::all_of(sent.returns(), is_finite) ||
+      !std::ranges::all_of(sent.scores(), is_finite))
+    return std::nullopt;
+  sent.env_index = static_cast<uint32_t>(env);
+  sent.layout_index = kNoLayoutIndex;  // drawn there
+  return sent;
 }
 
 /// Why so many places cannot be had. `kind` are the simulators they are for, `flag` gives the run more of them.

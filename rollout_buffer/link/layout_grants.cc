@@ -8,7 +8,6 @@ void LayoutGrants::grant() {
   if (layout_count_ <= 0) return;
   for (int env = 0; env < arena_.shape().env_count(); ++env) {
     shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(env);
-    mailbox.heard.store(mailbox.reported.load(std::memory_order_acquire), std::memory_order_relaxed);
     if (mailbox.is_due()) mailbox.assign(draws_.below(static_cast<uint32_t>(layout_count_)));
   }
 }

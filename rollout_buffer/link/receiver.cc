@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/link/narrow_weights.h"
 #include "rollout_buffer/link/timing.h"
@@ -220,10 +219,9 @@ void Receiver::seal(Guest& guest, const dds::TrajectoryFragment& fragment) {
 void Receiver::take_episode(const dds::FeederEpisode& episode) {
   const auto found = guests_.find(episode.feeder_id);
   if (found == guests_.end()) return;
-  const std::optional<shm::EpisodeRecord> record = record_of(
-      episode, remote_env(found->second, episode.env_index), arena_.shape().trajectory.env.num_agents);
-  if (!record) return;
-  (void)arena_.episodes().push(*record);  // a full ring counts what it drops
+  const int env = remote_env(found->second, episode.record.env_index);
+  if (const auto record = own_episode(episode.record, env, arena_.shape().trajectory.env.num_agents))
+    arena_.episodes().write(*record);
 }
 
 void Receiver::send_weights_if_due() {

@@ -8,7 +8,7 @@
 namespace comrad {
 
 constexpr uint32_t kArenaMagic = 0x44524D43;  // "CMRD"
-constexpr uint32_t kArenaVersion = 13;
+constexpr uint32_t kArenaVersion = 14;
 constexpr std::size_t kCacheLineBytes = 64;
 
 constexpr int kTicRateHz = 35;  ///< Doom's world updates per second

@@ -5,62 +5,83 @@
 #include "rollout_buffer/shm/region.h"
 
 namespace comrad::shm {
+namespace {
+
+constexpr int64_t kFewestCells = 64;
+constexpr int64_t kCellsOfAnEnvironment = 8;  // short episodes end during a long update
+
+}  // namespace
 
 EpisodeStream::EpisodeStream(const ArenaShape& shape, Region& region)
     : shape_(shape),
-      capacity_(std::max<int64_t>(
-          64, (shape.episode_ring_capacity + shape.sim_worker_count - 1) / shape.sim_worker_count)),
-      rings_(region.take<EpisodeRing>(int64_t{shape.sim_worker_count} + 1)),
-      cells_(region.take<EpisodeRecord>((int64_t{shape.sim_worker_count} + 1) * capacity_)) {}
+      capacity_(
+          std::max({kFewestCells, kCellsOfAnEnvironment * shape.envs_per_worker,
+                    round_up(shape.episode_ring_capacity, shape.sim_worker_count) / shape.sim_worker_count})),
+      heads_(region.take<EpisodeHead>(shape.sim_worker_count)),
+      cursors_(region.take<EpisodeCursor>(int64_t{kEpisodeReaderCount} * shape.sim_worker_count)),
+      cells_(region.take<EpisodeCell>(shape.sim_worker_count * capacity_)) {}
 
-bool EpisodeStream::push_to(int64_t ring_index, const EpisodeRecord& record) const {
-  EpisodeRing& ring = rings_[ring_index];
-  const uint64_t written = ring.written.load(std::memory_order_relaxed);
-  if (written - ring.read.load(std::memory_order_acquire) >= static_cast<uint64_t>(capacity_)) {
-    ring.dropped.fetch_add(1, std::memory_order_relaxed);
-    return false;
-  }
-  cells_[ring_index * capacity_ + static_cast<int64_t>(written % static_cast<uint64_t>(capacity_))] = record;
-  ring.written.store(written + 1, std::memory_order_release);
-  return true;
+EpisodeCursor& EpisodeStream::cursor(EpisodeReader reader, int sim_worker) const {
+  return cursors_[static_cast<int64_t>(reader) * shape_.sim_worker_count + sim_worker];
 }
 
-std::optional<EpisodeRecord> EpisodeStream::pop_from(int64_t ring_index) const {
-  EpisodeRing& ring = rings_[ring_index];
-  const uint64_t read = ring.read.load(std::memory_order_relaxed);
-  if (read == ring.written.load(std::memory_order_acquire)) return std::nullopt;
-  const EpisodeRecord record =
-      cells_[ring_index * capacity_ + static_cast<int64_t>(read % static_cast<uint64_t>(capacity_))];
-  ring.read.store(read + 1, std::memory_order_release);
-  return record;
+EpisodeCell& EpisodeStream::cell(int sim_worker, uint64_t number) const {
+  return cells_[sim_worker * capacity_ + static_cast<int64_t>(number % static_cast<uint64_t>(capacity_))];
 }
 
-bool EpisodeStream::push(const EpisodeRecord& record) const {
-  const auto sim_worker = static_cast<int>(record.env_index) / shape_.envs_per_worker;
-  COMRAD_CHECK(sim_worker >= 0 && sim_worker < shape_.sim_worker_count,
+void EpisodeStream::write(const EpisodeRecord& record) const {
+  COMRAD_CHECK(record.env_index < static_cast<uint32_t>(shape_.env_count()),
                "an episode record's environment is in range");
-  return push_to(sim_worker, record);
+  const int sim_worker = static_cast<int>(record.env_index) / shape_.envs_per_worker;
+  std::atomic<uint64_t>& written = heads_[sim_worker].written;
+  const uint64_t number = written.load(std::memory_order_relaxed);
+  EpisodeCell& target = cell(sim_worker, number);
+  target.sequence.store(2 * number + 1, std::memory_order_relaxed);
+  std::atomic_thread_fence(std::memory_order_seq_cst);
+  target.record = record;
+  std::atomic_thread_fence(std::memory_order_release);
+  target.sequence.store(2 * number + 2, std::memory_order_release);
+  written.store(number + 1, std::memory_order_release);
 }
 
-std::optional<EpisodeRecord> EpisodeStream::pop() const {
+std::optional<EpisodeRecord> EpisodeStream::read(EpisodeReader reader, int sim_worker) const {
+  EpisodeCursor& cursor = this->cursor(reader, sim_worker);
+  const uint64_t written = heads_[sim_worker].written.load(std::memory_order_acquire);
+  uint64_t number = cursor.read.load(std::memory_order_relaxed), lost = 0;
+  if (number > written) number = written;  // a byte in shared memory may be anything
+  if (written - number > static_cast<uint64_t>(capacity_)) {
+    lost = written - static_cast<uint64_t>(capacity_) - number;
+    number += lost;
+  }
+  std::optional<EpisodeRecord> found;
+  for (; number < written && !found; ++number) {
+    const EpisodeCell& source = cell(sim_worker, number);
+    const uint64_t before = source.sequence.load(std::memory_order_acquire);
+    const EpisodeRecord record = source.record;
+    std::atomic_thread_fence(std::memory_order_acquire);
+    const bool is_whole =
+        before == 2 * number + 2 && source.sequence.load(std::memory_order_relaxed) == before;
+    if (is_whole)
+      found = record;
+    else
+      ++lost;
+  }
+  cursor.read.store(number, std::memory_order_relaxed);
+  if (lost > 0) cursor.lost.fetch_add(lost, std::memory_order_relaxed);
+  return found;
+}
+
+std::optional<EpisodeRecord> EpisodeStream::read(EpisodeReader reader) const {
   for (int sim_worker = 0; sim_worker < shape_.sim_worker_count; ++sim_worker)
-    if (auto record = pop_from(sim_worker)) return record;
+    if (auto record = read(reader, sim_worker)) return record;
   return std::nullopt;
 }
 
-uint64_t EpisodeStream::dropped() const {
-  uint64_t dropped = 0;
+uint64_t EpisodeStream::lost(EpisodeReader reader) const {
+  uint64_t lost = 0;
   for (int sim_worker = 0; sim_worker < shape_.sim_worker_count; ++sim_worker)
-    dropped += rings_[sim_worker].dropped.load(std::memory_order_relaxed);
-  return dropped;
-}
-
-bool EpisodeStream::forward(const EpisodeRecord& record) const {
-  return push_to(shape_.sim_worker_count, record);
-}
-
-std::optional<EpisodeRecord> EpisodeStream::pop_forwarded() const {
-  return pop_from(shape_.sim_worker_count);
+    lost += cursor(reader, sim_worker).lost.load(std::memory_order_relaxed);
+  return lost;
 }
 
 }  // namespace comrad::shm

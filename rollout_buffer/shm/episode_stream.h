@@ -1,15 +1,16 @@
-// Finished episodes on their way: from each simulator to the supervisor, and from the supervisor to the learner.
+// Finished episodes: one stream that several readers follow, each at its own pace.
 //
-//   EpisodeRing [sim worker + 1] | EpisodeRecord [sim worker + 1, capacity]
+//   EpisodeHead [sim worker] | EpisodeCursor [reader, sim worker] | EpisodeCell [sim worker, capacity]
 //
-// Writers: each simulator in its own ring, the supervisor in the last one.
+// Writers: each simulator (of another host the receiver) in its own cells, each reader in its own cursors. No writer waits
+// for a reader, and no reader makes another lose: one that falls behind misses the oldest episodes and counts them.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <optional>
 
-#include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/schema/episode_record.h"
 #include "rollout_buffer/schema/version.h"
 #include "rollout_buffer/shm/arena_shape.h"
 
@@ -17,49 +18,49 @@ namespace comrad::shm {
 
 struct Region;
 
-/// One finished episode, as the supervisor publishes it (topic EpisodeResult).
-struct EpisodeRecord {
-  uint64_t episode_id;
-  uint64_t episode_seed;
-  uint64_t layout_id;
-  uint32_t env_index;
-  uint32_t length_steps;  ///< decisions
-  uint32_t length_tics;
-  uint32_t terminated;             ///< 1 terminated, 0 truncated
-  float score;                     ///< J, team level
-  float ceiling;                   ///< the best J that the map allows so many agents; 0: not known
-  float agent_return[kMaxAgents];  ///< sum of rewards before scale, clip and sharing
-  float agent_score[kMaxAgents];   ///< J per agent, where the scenario tells them apart; else J
-};
-static_assert(sizeof(EpisodeRecord) == 48 + 8 * kMaxAgents, "changing this bumps kArenaVersion");
+/// Each is one process at a time; its successor resumes where it was. On a host without a learner its place is the sender's.
+enum class EpisodeReader : uint32_t { kSupervisor, kLearner, kCurriculum };
+constexpr int kEpisodeReaderCount = 3;
 
-/// `written` and `read` count up for ever, cells are taken modulo the capacity.
-struct EpisodeRing {
-  alignas(kCacheLineBytes) std::atomic<uint64_t> written;  ///< simulator; of the last ring the supervisor
-  std::atomic<uint64_t> dropped;                           ///< the same
-  alignas(kCacheLineBytes) std::atomic<uint64_t> read;     ///< supervisor; of the last ring the learner
+/// Episode number n of a simulator lies in cell n % capacity.
+struct alignas(kCacheLineBytes) EpisodeCell {
+  std::atomic<uint64_t> sequence;  ///< 2n + 1 while episode n is being written, then 2n + 2; 0: none yet
+  EpisodeRecord record;
 };
-static_assert(sizeof(EpisodeRing) == 2 * kCacheLineBytes, "changing this bumps kArenaVersion");
+static_assert(sizeof(EpisodeCell) == 2 * kCacheLineBytes, "changing this bumps kArenaVersion");
 
-/// A simulator killed half way leaves a record that was never announced. A full ring drops the newest and counts it.
+struct alignas(kCacheLineBytes) EpisodeHead {
+  std::atomic<uint64_t>
+      written;  ///< episodes of the simulator; a simulator killed half way has not counted its last one
+};
+static_assert(sizeof(EpisodeHead) == kCacheLineBytes, "changing this bumps kArenaVersion");
+
+struct alignas(kCacheLineBytes) EpisodeCursor {
+  std::atomic<uint64_t> read;  ///< episodes of the simulator that the reader is done with
+  std::atomic<uint64_t> lost;  ///< of them: overwritten before it came
+};
+static_assert(sizeof(EpisodeCursor) == kCacheLineBytes, "changing this bumps kArenaVersion");
+
 class EpisodeStream {
  public:
   EpisodeStream(const ArenaShape& shape, Region& region);
 
-  bool push(const EpisodeRecord& record) const;  ///< simulator; record.env_index tells which
-  std::optional<EpisodeRecord> pop() const;      ///< supervisor
-  uint64_t dropped() const;
-  bool forward(const EpisodeRecord& record) const;     ///< supervisor
-  std::optional<EpisodeRecord> pop_forwarded() const;  ///< learner
+  void write(const EpisodeRecord& record) const;  ///< record.env_index tells whose it is
+  /// The oldest episode that the reader has not read, simulator by simulator.
+  std::optional<EpisodeRecord> read(EpisodeReader reader) const;
+  uint64_t lost(EpisodeReader reader) const;
+  int64_t capacity() const { return capacity_; }  ///< episodes of one simulator
 
  private:
-  bool push_to(int64_t ring_index, const EpisodeRecord& record) const;
-  std::optional<EpisodeRecord> pop_from(int64_t ring_index) const;
+  EpisodeCursor& cursor(EpisodeReader reader, int sim_worker) const;
+  EpisodeCell& cell(int sim_worker, uint64_t number) const;
+  std::optional<EpisodeRecord> read(EpisodeReader reader, int sim_worker) const;
 
   const ArenaShape shape_;
   const int64_t capacity_;
-  EpisodeRing* const rings_;
-  EpisodeRecord* const cells_;
+  EpisodeHead* const heads_;
+  EpisodeCursor* const cursors_;
+  EpisodeCell* const cells_;
 };
 
 }  // namespace comrad::shm

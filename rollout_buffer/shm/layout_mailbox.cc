@@ -1,7 +1,5 @@
 #include "rollout_buffer/shm/layout_mailbox.h"
 
-#include <bit>
-
 #include "rollout_buffer/shm/region.h"
 
 namespace comrad::shm {
@@ -19,15 +17,6 @@ void LayoutMailbox::take_assignment() {
 void LayoutMailbox::assign(uint32_t layout_index_of_pool) {
   layout_index.store(layout_index_of_pool, std::memory_order_relaxed);
   assigned.fetch_add(1, std::memory_order_release);
-}
-
-uint64_t pack_outcome(const LayoutOutcome& outcome) {
-  return uint64_t{outcome.layout_index} << 32 | std::bit_cast<uint32_t>(outcome.score);
-}
-
-LayoutOutcome unpack_outcome(uint64_t word) {
-  return {.layout_index = static_cast<uint32_t>(word >> 32),
-          .score = std::bit_cast<float>(static_cast<uint32_t>(word))};
 }
 
 LayoutMailboxes::LayoutMailboxes(const ArenaShape& shape, Region& region)

@@ -40,8 +40,7 @@ DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game)
   make_action_mask();
   exact_reward_.resize(game_->num_agents);
   step_.reward.resize(game_->num_agents);
-  summary_.agent_score.resize(game_->num_agents);
-  summary_.agent_return.resize(game_->num_agents);
+  summary_.agent_count = static_cast<uint32_t>(game_->num_agents);
 }
 
 Status DoomEnvironment::choose_layout(int layout_index) {
@@ -70,7 +69,7 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   step_.terminated = step_.truncated = false;
   read_reward_variables();
   rewards_.reset(reward_value_);
-  std::fill(summary_.agent_return.begin(), summary_.agent_return.end(), 0.0f);
+  summary_.agent_return.fill(0.0f);
   std::fill(buttons_.begin(), buttons_.end(), doom::Buttons{});
   if (watcher_ != nullptr) watcher_->began(*this);
 }
@@ -144,14 +143,14 @@ void DoomEnvironment::make_action_mask() {
   }
 }
 
-EpisodeSummary DoomEnvironment::summary_so_far() const {
-  EpisodeSummary summary = summary_;
+EpisodeRecord DoomEnvironment::summary_so_far() const {
+  EpisodeRecord summary = summary_;
   fill(summary);
   return summary;
 }
 
 /// All but the returns, which are counted as rewards come.
-void DoomEnvironment::fill(EpisodeSummary& summary) const {
+void DoomEnvironment::fill(EpisodeRecord& summary) const {
   summary.length_steps = step_count_;
   summary.length_tics = static_cast<uint32_t>(world_.tic_count());
   const std::string& score = game_->spec.score;

@@ -99,7 +99,7 @@ class DoomEnvironment final : public Environment {
   /// The same with what each agent presses [N], for frame_skip tics.
   void press(std::span<const doom::Buttons> buttons);
   const Step& last_step() const override { return step_; }
-  const EpisodeSummary& summary() const override { return summary_; }
+  const EpisodeRecord& summary() const override { return summary_; }
   /// The last step's rewards [N] before they are rounded to float.
   std::span<const double> exact_reward() const { return exact_reward_; }
   uint64_t state_hash() const override;
@@ -109,7 +109,7 @@ class DoomEnvironment final : public Environment {
   /// What each agent [N] holds down since the last step began.
   std::span<const doom::Buttons> pressed() const { return buttons_; }
   /// The summary as if the episode ended now.
-  EpisodeSummary summary_so_far() const;
+  EpisodeRecord summary_so_far() const;
 
   const DoomGame& game() const { return *game_; }
   const doom::World& world() const { return world_; }
@@ -129,7 +129,7 @@ class DoomEnvironment final : public Environment {
   };
   void make_action_mask();
   void read_reward_variables();
-  void fill(EpisodeSummary& summary) const;
+  void fill(EpisodeRecord& summary) const;
 
   std::shared_ptr<const DoomGame> game_;
   std::shared_ptr<LayoutLibrary> library_;
@@ -148,7 +148,7 @@ class DoomEnvironment final : public Environment {
   uint64_t limit_tics_;
   uint32_t step_count_ = 0;
   Step step_;
-  EpisodeSummary summary_;
+  EpisodeRecord summary_;
   TicWatcher* watcher_ = nullptr;
 };
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/episode_record.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/words.h"
 
@@ -29,15 +30,6 @@ struct Step {
   bool terminated = false;    ///< the game ended by its rules
   bool truncated = false;     ///< a time limit ended it; exclusive with terminated
   bool episode_over() const { return terminated || truncated; }
-};
-
-/// Totals at the end of an episode.
-struct EpisodeSummary {
-  uint32_t length_steps = 0, length_tics = 0;
-  float score = 0;                  ///< J, team level
-  float ceiling = 0;                ///< the best J that the map allows so many agents; 0: not known
-  std::vector<float> agent_score;   ///< [N]
-  std::vector<float> agent_return;  ///< [N]
 };
 
 class Environment {
@@ -61,8 +53,8 @@ class Environment {
   /// choices are treated as 0. Does not render.
   virtual void step(std::span<const int32_t> action) = 0;
   virtual const Step& last_step() const = 0;
-  /// Valid once last_step().episode_over().
-  virtual const EpisodeSummary& summary() const = 0;
+  /// The episode's lengths, scores and returns; who plays it adds its identity. Valid once last_step().episode_over().
+  virtual const EpisodeRecord& summary() const = 0;
   /// Hash of the whole state, for determinism tests.
   virtual uint64_t state_hash() const = 0;
 };

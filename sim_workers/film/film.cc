@@ -94,7 +94,7 @@ void Film::film(const DoomEnvironment& environment, bool ends_a_decision) {
 
 void Film::read_captions(const DoomEnvironment& environment) {
   const DoomGame& game = environment.game();
-  const EpisodeSummary summary = environment.summary_so_far();
+  const EpisodeRecord summary = environment.summary_so_far();
   for (int agent = 0; agent < game.num_agents; ++agent) {
     const auto index = static_cast<std::size_t>(agent);
     AgentCaption& caption = caption_.agents[index];

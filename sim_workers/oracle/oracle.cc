@@ -86,7 +86,7 @@ class OracleEnvironmentSet::Guided final : public Environment {
       player_.step(inner_, seats_, action);
   }
   const Step& last_step() const override { return inner_.last_step(); }
-  const EpisodeSummary& summary() const override { return inner_.summary(); }
+  const EpisodeRecord& summary() const override { return inner_.summary(); }
   uint64_t state_hash() const override { return inner_.state_hash(); }
 
  private:
@@ -120,7 +120,7 @@ void OracleEnvironmentSet::observe(std::span<const int> indices, std::span<const
   for (std::size_t i = 0; i < indices.size(); ++i) inner_->at(indices[i]).observe_numbers(targets[i]);
 }
 
-Expected<EpisodeSummary> play_oracle_episode(const std::shared_ptr<const DoomGame>& game, uint64_t seed) {
+Expected<EpisodeRecord> play_oracle_episode(const std::shared_ptr<const DoomGame>& game, uint64_t seed) {
   COMRAD_TRY_ASSIGN(OraclePlayer player, OraclePlayer::create(*game));
   DoomEnvironment environment(game);
   player.reset(environment, seed);

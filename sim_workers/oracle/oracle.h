@@ -73,6 +73,6 @@ class OracleEnvironmentSet final : public EnvironmentSet {
 };
 
 /// Plays one episode without pictures and without a pipeline; for tests and tools. Errors: as make_oracle().
-Expected<EpisodeSummary> play_oracle_episode(const std::shared_ptr<const DoomGame>& game, uint64_t seed);
+Expected<EpisodeRecord> play_oracle_episode(const std::shared_ptr<const DoomGame>& game, uint64_t seed);
 
 }  // namespace comrad::sim

@@ -503,9 +503,9 @@ void EnvBatch::write_numbers(int index) {
   }
 
   const sim::Step& step = environment.last_step();
-  const sim::EpisodeSummary summary = environment.summary_so_far();
+  const EpisodeRecord summary = environment.summary_so_far();
   std::ranges::copy(step.reward, arrays_.reward.begin() + static_cast<std::ptrdiff_t>(first));
-  std::ranges::copy(summary.agent_return, arrays_.agent_return.begin() + static_cast<std::ptrdiff_t>(first));
+  std::ranges::copy(summary.returns(), arrays_.agent_return.begin() + static_cast<std::ptrdiff_t>(first));
   arrays_.terminated[at] = step.terminated;
   arrays_.truncated[at] = step.truncated;
   arrays_.score[at] = summary.score;

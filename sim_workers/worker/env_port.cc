@@ -170,9 +170,7 @@ void EnvPort::act() {
   slab_.terminated(step_) = step.terminated;
   slab_.truncated(step_) = step.truncated;
   slab_.final_index(step_) = -1;
-  slab_.layout_index(step_) = rules_.layout_count > 0 && !rules_.evaluate
-                                  ? static_cast<int32_t>(mailbox_->playing.load(std::memory_order_relaxed))
-                                  : 0;
+  slab_.layout_index(step_) = static_cast<int32_t>(played_layout());
   slab_.valid(step_) = 1;
   if (step.episode_over() && !rules_.evaluate) slab_.final_index(step_) = final_count_++;
   ++step_;
@@ -217,7 +215,7 @@ ObservationTarget EnvPort::final_target() const {
 
 void EnvPort::close_episode() {
   const Step& last = environment_.last_step();
-  push_record(last);
+  record_episode();
   if (last.truncated && !rules_.evaluate) {
     request_ = RequestKind::kFinal;
     stage_ = Stage::kObserved;
@@ -229,32 +227,20 @@ void EnvPort::close_episode() {
   next_episode();
 }
 
-void EnvPort::push_record(const Step& last) {
-  const EpisodeSummary& summary = environment_.summary();
-  shm::EpisodeRecord record{};
+void EnvPort::record_episode() {
+  EpisodeRecord record = environment_.summary();
   record.episode_id = episode_id_;
   record.episode_seed = episode_seed_;
   record.layout_id = environment_.layout_id();
+  record.layout_index = played_layout();
   record.env_index = static_cast<uint32_t>(env_index_);
-  record.length_steps = summary.length_steps;
-  record.length_tics = summary.length_tics;
-  record.terminated = last.terminated;
-  record.score = summary.score;
-  record.ceiling = summary.ceiling;
-  const std::size_t agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
-  for (std::size_t agent = 0; agent < agents; ++agent) {
-    record.agent_return[agent] = agent < summary.agent_return.size() ? summary.agent_return[agent] : 0.0f;
-    record.agent_score[agent] =
-        agent < summary.agent_score.size() ? summary.agent_score[agent] : summary.score;
-  }
-  (void)arena_.episodes().push(record);  // a full ring counts what it drops
-  if (rules_.layout_count == 0 || rules_.evaluate) return;
-  const uint64_t reported = mailbox_->reported.load(std::memory_order_relaxed);
-  mailbox_->outcome[reported % shm::kMailboxOutcomes].store(
-      shm::pack_outcome(
-          {.layout_index = mailbox_->playing.load(std::memory_order_relaxed), .score = summary.score}),
-      std::memory_order_release);
-  mailbox_->reported.store(reported + 1, std::memory_order_release);
+  record.terminated = environment_.last_step().terminated;
+  arena_.episodes().write(record);
+}
+
+/// Its index in the run's pool; evaluations play all in turn.
+uint32_t EnvPort::played_layout() const {
+  return rules_.layout_count > 0 && !rules_.evaluate ? mailbox_->playing.load(std::memory_order_relaxed) : 0;
 }
 
 void EnvPort::mark_observed() {

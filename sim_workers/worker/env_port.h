@@ -86,7 +86,8 @@ class EnvPort {
   void next_episode();
   void act();
   void append_to_journal(std::span<const int32_t> action);
-  void push_record(const Step& last);
+  void record_episode();
+  uint32_t played_layout() const;
   bool begin_slab(uint64_t rollouts_allowed);
   void finish_slab(uint64_t rollouts_allowed);
   void copy_observation(const ObservationTarget& from, const ObservationTarget& to) const;

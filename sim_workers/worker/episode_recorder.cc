@@ -43,7 +43,7 @@ void EpisodeRecorder::Trace::note(const DoomEnvironment& environment) {
 void EpisodeRecorder::write(const DoomEnvironment& environment, const std::string& choices) {
   if (!status_) return;  // the first error is the one to tell
   const EnvShape& shape = environment.shape();
-  const EpisodeSummary& summary = environment.summary();
+  const EpisodeRecord& summary = environment.summary();
   const uint64_t seed = environment.world().options().seed;
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(environment.state_hash()));
@@ -56,7 +56,7 @@ void EpisodeRecorder::write(const DoomEnvironment& environment, const std::strin
       {"decisions", summary.length_steps},
       {"terminated", environment.last_step().terminated},
       {"score", summary.score},
-      {"returns", summary.agent_return},
+      {"returns", std::vector<float>(summary.returns().begin(), summary.returns().end())},
       {"length_tics", summary.length_tics},
       {"state_hash", hash}};
   status_ =

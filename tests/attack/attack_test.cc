@@ -177,8 +177,9 @@ TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
   ASSERT_TRUE(bus) << bus.error().message;
   dds::EpisodeResult episode;
   episode.scenario = "coop_health_gathering";
-  episode.score = 1e9;
-  episode.agent_return = episode.agent_score = {1e9, 1e9};
+  episode.record.score = 1e9f;
+  episode.record.agent_count = 2;
+  episode.record.agent_return = episode.record.agent_score = {1e9f, 1e9f};
   dds::TrainStats stats;
   stats.env_frames = 1'000'000'000'000;
   stats.score_mean = 1e9;

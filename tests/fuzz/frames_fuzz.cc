@@ -6,8 +6,8 @@
 
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/door.h"
-#include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/frame_stream.h"
+#include "rollout_buffer/link/guests.h"
 #include "tests/fuzz/input.h"
 
 namespace {
@@ -69,19 +69,13 @@ void feed_actions(Input& input, const EnvShape& shape) {
 }
 
 void feed_episode(Input& input) {
-  std::vector<float> returns(input.number<uint8_t>() % 12), scores(input.number<uint8_t>() % 12);
-  for (std::vector<float>* list : {&returns, &scores})
+  EpisodeRecord sent{.env_index = input.number<uint32_t>(),
+                     .agent_count = input.number<uint8_t>() % 12u,
+                     .score = input.number<float>(),
+                     .ceiling = input.number<float>()};
+  for (auto* list : {&sent.agent_return, &sent.agent_score})
     for (float& value : *list) value = input.number<float>();
-  const dds::FeederEpisode episode{.feeder_id = 1,
-                                   .env_index = input.number<uint32_t>(),
-                                   .episode_id = input.number<uint64_t>(),
-                                   .length_steps = input.number<uint32_t>(),
-                                   .length_tics = input.number<uint32_t>(),
-                                   .score = input.number<float>(),
-                                   .ceiling = input.number<float>(),
-                                   .agent_return = returns,
-                                   .agent_score = scores};
-  if (const auto record = link::record_of(episode, input.number<int8_t>(), 2))
+  if (const auto record = link::own_episode(sent, input.number<int8_t>(), 2))
     require(std::isfinite(record->score) && std::isfinite(record->agent_return[0]));
 }
 

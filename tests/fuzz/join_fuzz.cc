@@ -137,7 +137,7 @@ void adopt_arena_of(std::string_view bytes) {
   if (!arena) return;
   (void)arena->slabs().counts();
   (void)arena->accounts().counts();
-  (void)arena->episodes().pop();
+  (void)arena->episodes().read(shm::EpisodeReader::kSupervisor);
   for (const uint32_t slab : arena->slabs().drain(100)) arena->slabs().release(slab);
   for (int sim = 0; sim < arena->shape().sim_worker_count; ++sim) (void)arena->reclaim_sim_worker(sim);
   std::vector<std::byte> weights;

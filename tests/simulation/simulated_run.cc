@@ -271,9 +271,9 @@ Status SimulatedRun::apply(const Step& step) {
       leave(*one);
       break;
     case Verb::kEpisode: {
-      dds::EpisodeResult result;
-      result.episode_id = static_cast<uint64_t>(step.number);
-      if (result.episode_id < kEpisodes) supervision_.meter().add(std::move(result));
+      EpisodeRecord record;
+      record.episode_id = static_cast<uint64_t>(step.number);
+      if (record.episode_id < kEpisodes) supervision_.meter().add(record);
       referee_.ended_episode(static_cast<int>(step.number));
       break;
     }

@@ -45,7 +45,7 @@ class PipelineGame : public sim::Environment {
  public:
   PipelineGame() {
     last_.reward.assign(2, 0);
-    summary_.agent_score.assign(2, 0), summary_.agent_return.assign(2, 0);
+    summary_.agent_count = 2, summary_.agent_score.fill(0), summary_.agent_return.fill(0);
   }
   const EnvShape& shape() const override { return shape_; }
   uint64_t layout_id() const override { return 1; }
@@ -62,7 +62,7 @@ class PipelineGame : public sim::Environment {
     summary_.score = last_.reward[0] + last_.reward[1];
   }
   const sim::Step& last_step() const override { return last_; }
-  const sim::EpisodeSummary& summary() const override { return summary_; }
+  const EpisodeRecord& summary() const override { return summary_; }
   uint64_t state_hash() const override { return static_cast<uint64_t>(state_ * 1000 + step_); }
   /// What the agents see of a state, 0..2.
   static uint8_t shade(int state) { return static_cast<uint8_t>(40 + 80 * state); }
@@ -86,7 +86,7 @@ class PipelineGame : public sim::Environment {
   EnvShape shape_ = pipeline_game_shape();
   int state_ = 0, step_ = 0;
   sim::Step last_;
-  sim::EpisodeSummary summary_;
+  EpisodeRecord summary_;
 };
 
 using GameMaker = std::function<std::unique_ptr<PipelineGame>()>;
@@ -182,7 +182,7 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
     std::deque<double> window;
     double sum = 0;
     while (!stop) {
-      while (const auto episode = of_workers.episodes().pop()) {
+      while (const auto episode = of_workers.episodes().read(shm::EpisodeReader::kSupervisor)) {
         window.push_back(static_cast<double>(episode->score));
         sum += window.back();
         if (window.size() > goal.episodes) sum -= window.front(), window.pop_front();

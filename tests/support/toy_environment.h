@@ -32,8 +32,7 @@ class ToyEnvironment : public sim::Environment {
   explicit ToyEnvironment(const ToyOptions& options) : options_(options) {
     const auto agents = static_cast<std::size_t>(options.shape.num_agents);
     last_.reward.resize(agents);
-    summary_.agent_score.resize(agents);
-    summary_.agent_return.resize(agents);
+    summary_.agent_count = static_cast<uint32_t>(agents);
   }
 
   const EnvShape& shape() const override { return options_.shape; }
@@ -54,7 +53,7 @@ class ToyEnvironment : public sim::Environment {
     state_ = mix64(episode_seed + static_cast<uint64_t>(layout_));
     step_ = 0;
     last_.terminated = last_.truncated = false;
-    std::fill(summary_.agent_return.begin(), summary_.agent_return.end(), 0.0f);
+    summary_.agent_return.fill(0.0f);
     const RngKey plan = RngKey(episode_seed).split("plan");
     length_ = options_.min_length +
               static_cast<uint32_t>(plan.bits() % (options_.max_length - options_.min_length + 1));
@@ -83,7 +82,7 @@ class ToyEnvironment : public sim::Environment {
   }
 
   const sim::Step& last_step() const override { return last_; }
-  const sim::EpisodeSummary& summary() const override { return summary_; }
+  const EpisodeRecord& summary() const override { return summary_; }
   uint64_t state_hash() const override { return mix64(state_ ^ mix64(step_)); }
 
   void observe(const sim::ObservationTarget& target) const {
@@ -114,7 +113,7 @@ class ToyEnvironment : public sim::Environment {
   int layout_ = 0;
   bool ends_truncated_ = false;
   sim::Step last_;
-  sim::EpisodeSummary summary_;
+  EpisodeRecord summary_;
 };
 
 class ToyEnvironmentSet : public sim::EnvironmentSet {

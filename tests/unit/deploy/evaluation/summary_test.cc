@@ -36,12 +36,13 @@ EvaluationGame made_game() {
 PlayedTeam played(const EvaluationGame& game, std::size_t team, std::vector<double> scores) {
   PlayedTeam one{&game.teams[team], {}};
   for (const double score : scores) {
-    dds::EpisodeResult episode;
+    EpisodeRecord episode;
     episode.episode_id = one.episodes.size();
     episode.episode_seed = 18'000'000'000'000'000'000u;
-    episode.score = score;
+    episode.score = static_cast<float>(score);
     episode.ceiling = 40;
-    episode.agent_score = {score / 2, score / 2};
+    episode.agent_count = 2;
+    episode.agent_score = {episode.score / 2, episode.score / 2};
     episode.agent_return = {1, 3};
     one.episodes.push_back(episode);
   }

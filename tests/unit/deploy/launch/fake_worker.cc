@@ -131,16 +131,17 @@ int main(int argc, char** argv) {
       counters.decisions += role == "learner" ? 64 : 10;
       counters.batches += 1;
       for (; episodes < episode_count; ++episodes) {
-        shm::EpisodeRecord record{};
+        EpisodeRecord record{};
         record.episode_id = episodes;
         record.episode_seed = 1000 + episodes;
         record.env_index = static_cast<uint32_t>(index);
         record.length_steps = 100;
         record.length_tics = 400;
         record.terminated = 1;
+        record.agent_count = static_cast<uint32_t>(arena->shape().trajectory.env.num_agents);
         record.score = static_cast<float>(episodes);
         record.agent_return[1] = -1.0f;
-        arena->episodes().push(record);
+        arena->episodes().write(record);
       }
       if (role == "learner") {
         report.env_frames += 256;

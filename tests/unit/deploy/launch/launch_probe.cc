@@ -57,9 +57,9 @@ int main(int argc, char** argv) {
   json["measured_decisions"] = outcome->measured.decisions;
   json["measured_updates"] = outcome->measured.updates;
   json["lag_mean"] = outcome->lag_mean;
-  for (const dds::EpisodeResult& episode : outcome->episodes) {
+  for (const EpisodeRecord& episode : outcome->episodes) {
     json["episodes"].push_back(
-        {{"id", episode.episode_id}, {"score", episode.score}, {"agents", episode.agent_return.size()}});
+        {{"id", episode.episode_id}, {"score", episode.score}, {"agents", episode.returns().size()}});
   }
   std::puts(json.dump().c_str());
   return outcome->exit_code;

@@ -194,8 +194,8 @@ TEST_F(RunMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {
 
 TEST_F(RunMeterTest, AnEpisodePlayedTwiceCountsOnce) {
   RunMeter meter(plan_);
-  const auto add = [&](uint64_t id, double score) {
-    dds::EpisodeResult episode;
+  const auto add = [&](uint64_t id, float score) {
+    EpisodeRecord episode;
     episode.episode_id = id;
     episode.score = score;
     meter.add(episode);

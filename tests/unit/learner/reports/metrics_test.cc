@@ -10,10 +10,11 @@
 namespace comrad::learn {
 namespace metrics_test {
 
-shm::EpisodeRecord episode(float score, std::array<float, 2> agent_return, uint32_t length_tics) {
-  shm::EpisodeRecord record{};
+EpisodeRecord episode(float score, std::array<float, 2> agent_return, uint32_t length_tics) {
+  EpisodeRecord record{};
   record.score = score;
-  std::ranges::copy(agent_return, record.agent_return);
+  record.agent_count = 2;
+  std::ranges::copy(agent_return, record.agent_return.begin());
   record.length_tics = length_tics;
   return record;
 }
@@ -66,7 +67,7 @@ TEST(EpisodeWindow, TellsScoresAsSharesOfWhatEachMapAllows) {
   window.add(episode(7, {0, 0}, 40), 2);
   EXPECT_EQ(share_of(window), -1) << "no map said its ceiling";
   for (const auto& [score, ceiling] : {std::pair{35.0f, 35.0f}, {23.5f, 47.0f}}) {
-    shm::EpisodeRecord record = episode(score, {0, 0}, 40);
+    EpisodeRecord record = episode(score, {0, 0}, 40);
     record.ceiling = ceiling;
     window.add(record, 2);
   }

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "learner/algorithms/algorithm.h"
+#include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/layout_mailbox.h"
 #include "tests/support/noise_batch.h"
 #include "tests/support/scratch_folder.h"
@@ -64,20 +65,16 @@ class LayoutServiceTest : public ::testing::Test {
   }
   /// What a simulator does at the end of an episode.
   void report(int env, float score) const {
-    shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(env);
-    const uint64_t reported = mailbox.reported.load();
-    mailbox.outcome[reported % shm::kMailboxOutcomes] =
-        shm::pack_outcome({.layout_index = mailbox.playing.load(), .score = score});
-    mailbox.reported = reported + 1;
+    report(env, score, arena_.layout_mailboxes().of(env).playing.load());
+  }
+  void report(int env, float score, uint32_t layout_index) const {
+    arena_.episodes().write(
+        {.layout_index = layout_index, .env_index = static_cast<uint32_t>(env), .score = score});
   }
   /// What it does when its next layout is due.
   uint32_t take(int env) const {
-    shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(env);
-    if (mailbox.assigned.load() != mailbox.taken.load()) {
-      mailbox.playing = mailbox.layout_index.load();
-      mailbox.taken = mailbox.assigned.load();
-    }
-    return mailbox.playing.load();
+    arena_.layout_mailboxes().of(env).take_assignment();
+    return arena_.layout_mailboxes().of(env).playing.load();
   }
 
   const test::ScratchFolder folder_;
@@ -128,26 +125,37 @@ TEST_F(LayoutServiceTest, OutcomesReachTheCurriculumUnderTheirLayout) {
 
 TEST_F(LayoutServiceTest, DamagedAndOverwrittenOutcomesAreCountedAndDoNoHarm) {
   const auto service = open();
-  shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(1);
-  mailbox.outcome[0] = shm::pack_outcome({.layout_index = 99, .score = 1.0f});
-  mailbox.outcome[1] = shm::pack_outcome({.layout_index = 2, .score = std::nanf("")});
-  mailbox.outcome[2] = shm::pack_outcome({.layout_index = 2, .score = 0.5f});
-  mailbox.reported = 3;
+  report(1, 1.0f, 99);
+  report(1, std::nanf(""), 2);
+  report(1, 1.0f, kNoLayoutIndex);  // of another host
+  report(1, 0.5f, 2);
   service->serve(arena_);
   EXPECT_EQ(std::accumulate(service->curriculum().episode_counts().begin(),
                             service->curriculum().episode_counts().end(), int64_t{0}),
             1);
-  for (int i = 0; i < 20; ++i) report(1, 0.25f);
+  for (int i = 0; i < arena_.episodes().capacity() + 12; ++i) report(1, 0.25f);
   service->serve(arena_);
-  EXPECT_EQ(mailbox.heard.load(), 23u);
   std::vector<std::pair<std::string, double>> metrics;
   service->append_to(metrics);
   std::map<std::string, double> by_name(metrics.begin(), metrics.end());
   EXPECT_EQ(by_name.at("curriculum/lost_outcomes"), 12.0);
-  EXPECT_EQ(by_name.at("curriculum/episodes"), 9.0);
+  EXPECT_EQ(by_name.at("curriculum/episodes"), 1.0 + static_cast<double>(arena_.episodes().capacity()));
   EXPECT_EQ(by_name.at("curriculum/layouts_seen"), 2.0);
   EXPECT_THAT(by_name.at("curriculum/entropy"), DoubleNear(std::log(4.0), 1e-12));
   EXPECT_THAT(by_name.at("curriculum/mean_score"), DoubleNear((0.25 + 0.5) / 2, 1e-6));
+}
+
+TEST_F(LayoutServiceTest, TheOrderInWhichASimulatorsEnvironmentsEndDoesNotCount) {
+  config_.curriculum.curriculum = CurriculumKind::kLearningProgress;
+  const auto play = [&](const std::vector<int>& order) {
+    arena_ = *shm::Arena::create(small_arena_shape(), 1);
+    const auto service = open();
+    service->serve(arena_);
+    for (const int env : order) report(env, static_cast<float>(env) / 7.0f, 1);
+    service->serve(arena_);
+    return service->curriculum().state();
+  };
+  EXPECT_EQ(play({0, 1, 2, 3, 1, 5}), play({5, 1, 3, 2, 0, 1}));
 }
 
 TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {

@@ -565,9 +565,9 @@ const std::vector<std::string> kNamesOfQplexQ = {"train/attend_mag_regs", "train
 
 TEST_F(LearnerTest, ReportsUnderTheNamesThatDashboardsKnowAndTheDocumentExplains) {
   before_run_ = [](const shm::Arena& arena) {
-    shm::EpisodeRecord episode{};
+    EpisodeRecord episode{};
     episode.score = 7, episode.ceiling = 14, episode.length_tics = 40;
-    EXPECT_TRUE(arena.episodes().forward(episode));
+    arena.episodes().write(episode);
     shm::WorkerCounters& inference = arena.policy_counters(0);
     inference.decisions = 60, inference.batches = 10;
     inference.wait_ns = 20'000'000, inference.busy_ns = 30'000'000;

@@ -50,17 +50,19 @@ int main(int argc, char** argv) {
   pollfd input = {.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
   for (uint64_t episode = 0; poll(&input, 1, 50) == 0; ++episode) {
     ok = ok && bus->write(EpisodeResult{.scenario = "/" + std::string(4000, 's'),  // a path
-                                        .layout_id = 42,
-                                        .episode_id = episode,
-                                        .episode_seed = 1ull << 63,
-                                        .env_index = 5,
-                                        .score = 612.5,
-                                        .ceiling = 8400.0,
-                                        .agent_return = {1.0, -2.0, 3.0},
-                                        .agent_score = {4.0, 5.0, 6.0},
-                                        .length_steps = 153,
-                                        .length_tics = 612,
-                                        .terminated = true});
+                                        .record = {.episode_id = episode,
+                                                   .episode_seed = 1ull << 63,
+                                                   .layout_id = 42,
+                                                   .layout_index = 7,
+                                                   .env_index = 5,
+                                                   .length_steps = 153,
+                                                   .length_tics = 612,
+                                                   .terminated = 1,
+                                                   .agent_count = 3,
+                                                   .score = 612.5,
+                                                   .ceiling = 8400.0,
+                                                   .agent_return = {1.0, -2.0, 3.0},
+                                                   .agent_score = {4.0, 5.0, 6.0}}});
   }
   return ok ? 0 : 1;
 }

@@ -15,6 +15,7 @@
 namespace comrad::dds {
 namespace link_bus_test {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 uint64_t fresh_id() {
@@ -93,8 +94,9 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
     });
     bus.take_episodes([&](const FeederEpisode& in) {
       ++episodes;
-      EXPECT_EQ(in.agent_return, (std::vector<float>{1, -2}));
-      EXPECT_EQ(in.score, 12.5f);
+      EXPECT_THAT(in.record.returns(), ElementsAre(1, -2));
+      EXPECT_THAT(in.record.scores(), ElementsAre(3, 4));
+      EXPECT_EQ(in.record.score, 12.5f);
     });
   };
   take();  // the readers are there before anybody speaks
@@ -116,7 +118,8 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
   ASSERT_TRUE(bus.write(TrajectoryFragment{
       .feeder_id = 1, .send_index = 6, .length = 8, .rollout_index = 7, .payload = piece}));
   ASSERT_TRUE(bus.write(WeightsChunk{.chunk_count = 1, .version = 11, .bf16_count = 12, .payload = chunk}));
-  ASSERT_TRUE(bus.write(FeederEpisode{.score = 12.5f, .agent_return = {1, -2}}));
+  ASSERT_TRUE(bus.write(FeederEpisode{
+      .record = {.agent_count = 2, .score = 12.5f, .agent_return = {1, -2}, .agent_score = {3, 4}}}));
   EXPECT_TRUE(eventually(bus, kPatience_s, [&] {
     take();
     return questions && answers && reports && states && fragments && weights && episodes;
@@ -132,9 +135,7 @@ TEST(LinkBus, RefusesWhatIsBeyondATopicsBound) {
         bus.write(DoorAnswer{.text = std::string(kDoorTextBytes + 1, 't')}),
         bus.write(DoorAnswer{.payload = std::string(kChunkBytes + 1, 'p')}),
         bus.write(TrajectoryFragment{.payload = std::span(large).first(kFragmentPayloadBytes + 1)}),
-        bus.write(WeightsChunk{.payload = large}),
-        bus.write(FeederEpisode{.agent_return = std::vector<float>(9)}),
-        bus.write(FeederEpisode{.agent_score = std::vector<float>(9)})}) {
+        bus.write(WeightsChunk{.payload = large})}) {
     ASSERT_FALSE(refused);
     EXPECT_EQ(refused.error().code, ErrorCode::kBadInput);
     EXPECT_THAT(refused.error().message, HasSubstr("at most"));

@@ -420,8 +420,8 @@ TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
                                       .credit_index = random() % 5,
                                       .payload = payload});
     (void)wild.write(dds::FeederEpisode{.feeder_id = 10,
-                                        .env_index = static_cast<uint32_t>(random()),
-                                        .score = std::numeric_limits<float>::quiet_NaN()});
+                                        .record = {.env_index = static_cast<uint32_t>(random()),
+                                                   .score = std::numeric_limits<float>::quiet_NaN()}});
     drain();
   }
   playing.join();

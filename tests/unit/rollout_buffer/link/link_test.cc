@@ -344,16 +344,20 @@ TEST_F(Link, EpisodesOfTheOtherHostAreThisHostsEpisodes) {
   start_receiver();
   start_feeder();
   play_and_learn(1);
-  shm::EpisodeRecord record{};
+  EpisodeRecord record{};
   record.env_index = 5;
   record.episode_id = 9;
   record.score = 12.5f;
   record.agent_return[1] = 2;
-  ASSERT_TRUE(player_.episodes().forward(record));
-  std::optional<shm::EpisodeRecord> heard;
-  ASSERT_TRUE(eventually([&] { return (heard = learner_.episodes().pop()).has_value(); }));
+  record.agent_count = 2;
+  record.layout_index = 3;
+  player_.episodes().write(record);
+  std::optional<EpisodeRecord> heard;
+  ASSERT_TRUE(eventually(
+      [&] { return (heard = learner_.episodes().read(shm::EpisodeReader::kCurriculum)).has_value(); }));
   EXPECT_EQ(heard->env_index, 5u + kOwnWorkers * 4);
   EXPECT_EQ(heard->episode_id, 9u);
+  EXPECT_EQ(heard->layout_index, kNoLayoutIndex) << "that host has drawn it";
   EXPECT_EQ(heard->score, 12.5f);
   EXPECT_EQ(heard->agent_return[1], 2);
 }

@@ -79,7 +79,7 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
       EpisodeRecord record{};
       record.env_index = static_cast<uint32_t>(env);
       record.episode_id = record.episode_seed = arena.journals().header(env).rollout_index;
-      (void)arena.episodes().push(record);
+      arena.episodes().write(record);
       arena.slabs().seal(*slab_index);
     }
   }
@@ -213,7 +213,7 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
     peers[victim] = start_peer(arena, victim);
     if (is_double) peers[kPolicyWorker] = start_peer(arena, kPolicyWorker);
 
-    while (const std::optional<EpisodeRecord> record = arena.episodes().pop()) {
+    while (const std::optional<EpisodeRecord> record = arena.episodes().read(EpisodeReader::kSupervisor)) {
       ASSERT_EQ(record->episode_id, record->episode_seed) << "a record is damaged";
       ++episodes;
     }

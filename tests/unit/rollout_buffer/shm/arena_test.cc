@@ -55,7 +55,7 @@ TEST(Arena, StartsIdleFreeAndWithoutWeights) {
   EXPECT_EQ(arena.control().rollouts_allowed.load(), 0u);
   EXPECT_EQ(arena.control().episodes_per_run.load(), UINT64_MAX);
   EXPECT_FALSE(arena.weights().has_any());
-  EXPECT_FALSE(arena.episodes().pop());
+  EXPECT_FALSE(arena.episodes().read(EpisodeReader::kSupervisor));
   EXPECT_EQ(arena.run_id(), 7u);
 }
 
@@ -114,12 +114,21 @@ TEST(Arena, PartsDoNotOverlap) {
               parts[index].first);
 }
 
-TEST(LayoutMailbox, AnOutcomeIsOneWord) {
-  for (const float score : {0.0f, -1.5f, 8400.0f}) {
-    const LayoutOutcome outcome = unpack_outcome(pack_outcome({.layout_index = 0xFFFFFFFEu, .score = score}));
-    EXPECT_EQ(outcome.layout_index, 0xFFFFFFFEu);
-    EXPECT_EQ(outcome.score, score);
-  }
+TEST(LayoutMailbox, AnAssignmentIsTakenOnceAndAMissingOneIsCountedAsLate) {
+  const Arena arena = make_arena();
+  LayoutMailbox& mailbox = arena.layout_mailboxes().of(3);
+  mailbox.take_assignment();
+  EXPECT_EQ(mailbox.late.load(), 1u);
+  EXPECT_TRUE(mailbox.is_due());
+  mailbox.assign(5);
+  EXPECT_FALSE(mailbox.is_due());
+  EXPECT_EQ(mailbox.playing.load(), 0u);
+  mailbox.take_assignment();
+  EXPECT_EQ(mailbox.playing.load(), 5u);
+  EXPECT_TRUE(mailbox.is_due());
+  mailbox.take_assignment();
+  EXPECT_EQ(mailbox.playing.load(), 5u) << "it is played once more";
+  EXPECT_EQ(mailbox.late.load(), 2u);
 }
 
 TEST(Arena, CreateRefusesBadShapes) {
@@ -315,60 +324,94 @@ TEST(Slabs, ManyAcquirersNeverShareOne) {
   for (int count = 0; count < 3; ++count) EXPECT_TRUE(arena.slabs().acquire(0)) << "none was lost";
 }
 
-TEST(Episodes, ArriveOnceAndInOrder) {
+constexpr std::array kReaders = {EpisodeReader::kSupervisor, EpisodeReader::kLearner,
+                                 EpisodeReader::kCurriculum};
+
+TEST(Episodes, ReachEveryReaderOnceAndInOrder) {
   const Arena arena = make_arena();
   for (uint64_t id = 0; id < 5; ++id) {
-    EpisodeRecord record{};
-    record.episode_id = id;
-    record.env_index = 6;
+    EpisodeRecord record{.episode_id = id, .env_index = 6, .agent_count = 8};
     record.agent_return[7] = static_cast<float>(id);
-    EXPECT_TRUE(arena.episodes().push(record));
+    arena.episodes().write(record);
   }
-  for (uint64_t id = 0; id < 5; ++id) {
-    const std::optional<EpisodeRecord> record = arena.episodes().pop();
-    ASSERT_TRUE(record);
-    EXPECT_EQ(record->episode_id, id);
-    EXPECT_EQ(record->env_index, 6u);
-    EXPECT_EQ(record->agent_return[7], static_cast<float>(id));
-  }
-  EXPECT_FALSE(arena.episodes().pop());
-}
-
-TEST(Episodes, AFullRingDropsTheNewestCountsItAndWrapsAround) {
-  const Arena arena = make_arena();  // 128 records over two simulators: 64 each
-  EpisodeRecord record{};
-  for (int lap = 0; lap < 3; ++lap) {
-    for (uint64_t id = 0; id < 70; ++id) {
-      record.episode_id = id;
-      EXPECT_EQ(arena.episodes().push(record), id < 64);
+  for (const EpisodeReader reader : kReaders) {
+    for (uint64_t id = 0; id < 5; ++id) {
+      const std::optional<EpisodeRecord> record = arena.episodes().read(reader);
+      ASSERT_TRUE(record);
+      EXPECT_EQ(record->episode_id, id);
+      EXPECT_EQ(record->env_index, 6u);
+      EXPECT_EQ(record->returns().back(), static_cast<float>(id));
     }
-    record.env_index = 4;  // the other simulator's ring has room of its own
-    EXPECT_TRUE(arena.episodes().push(record));
-    record.env_index = 0;
-    uint64_t expected = 0;
-    while (const std::optional<EpisodeRecord> popped = arena.episodes().pop())
-      if (popped->env_index == 0) {
-        EXPECT_EQ(popped->episode_id, expected++);
-      }
-    EXPECT_EQ(expected, 64u);
+    EXPECT_FALSE(arena.episodes().read(reader));
   }
-  EXPECT_EQ(arena.episodes().dropped(), 18u);
 }
 
-TEST(Episodes, TheLearnersRingIsApartFromTheSimulators) {
-  const Arena arena = make_arena();
-  EpisodeRecord record{};
-  for (record.episode_id = 0; record.episode_id < 70; ++record.episode_id)
-    EXPECT_EQ(arena.episodes().forward(record), record.episode_id < 64)
-        << "nobody takes them: the newest are dropped";
-  EXPECT_FALSE(arena.episodes().pop());
-  EXPECT_EQ(arena.episodes().dropped(), 0u) << "those of simulators alone are counted";
-  for (uint64_t id = 0; id < 64; ++id) {
-    const std::optional<EpisodeRecord> popped = arena.episodes().pop_forwarded();
-    ASSERT_TRUE(popped);
-    EXPECT_EQ(popped->episode_id, id);
+TEST(Episodes, AReaderThatFallsBehindLosesTheOldestAndNoOtherReaderDoes) {
+  const Arena arena = make_arena();  // 128 records over two simulators: 64 each
+  ASSERT_EQ(arena.episodes().capacity(), 64);
+  uint64_t id = 0, supervisor_next = 0;
+  for (int lap = 0; lap < 3; ++lap) {
+    for (int count = 0; count < 70; ++count, ++id) {
+      arena.episodes().write({.episode_id = id});
+      const std::optional<EpisodeRecord> record = arena.episodes().read(EpisodeReader::kSupervisor);
+      ASSERT_TRUE(record);
+      EXPECT_EQ(record->episode_id, supervisor_next++);
+    }
+    arena.episodes().write({.episode_id = id, .env_index = 4});  // the other simulator's cells
+    EXPECT_EQ(arena.episodes().read(EpisodeReader::kSupervisor)->env_index, 4u);
+    uint64_t expected = id - 64;
+    while (const std::optional<EpisodeRecord> record = arena.episodes().read(EpisodeReader::kLearner)) {
+      if (record->env_index == 0) {
+        EXPECT_EQ(record->episode_id, expected++);
+      }
+    }
+    EXPECT_EQ(expected, id);
   }
-  EXPECT_FALSE(arena.episodes().pop_forwarded());
+  EXPECT_EQ(arena.episodes().lost(EpisodeReader::kSupervisor), 0u);
+  EXPECT_EQ(arena.episodes().lost(EpisodeReader::kLearner), 18u);
+  EXPECT_EQ(arena.episodes().read(EpisodeReader::kCurriculum)->episode_id, id - 64);
+  EXPECT_EQ(arena.episodes().lost(EpisodeReader::kCurriculum), id - 64);
+}
+
+TEST(Episodes, AReadersSuccessorResumesWhereItWas) {
+  const Arena arena = make_arena();
+  for (uint64_t id = 0; id < 3; ++id) arena.episodes().write({.episode_id = id});
+  (void)arena.episodes().read(EpisodeReader::kLearner);
+  const Expected<Arena> successor = Arena::adopt(dup(arena.descriptor()));
+  ASSERT_TRUE(successor) << successor.error().message;
+  EXPECT_EQ(successor->episodes().read(EpisodeReader::kLearner)->episode_id, 1u);
+}
+
+TEST(Episodes, AreNeverReadHalfWritten) {
+  const Arena arena = make_arena();
+  constexpr uint64_t kCount = 200'000;
+  std::atomic<bool> has_ended = false;
+  const auto follow = [&](EpisodeReader reader) {
+    uint64_t next = 0, broken = 0;
+    for (bool is_last_look = false;;) {
+      while (const std::optional<EpisodeRecord> record = arena.episodes().read(reader)) {
+        broken += record->episode_seed != ~record->episode_id || record->episode_id < next ||
+                  record->layout_id != record->episode_id;
+        next = record->episode_id + 1;
+      }
+      if (is_last_look) break;
+      is_last_look = has_ended.load();
+    }
+    EXPECT_EQ(broken, 0u);
+    EXPECT_EQ(next, kCount) << "the newest is never lost";
+  };
+  std::vector<std::thread> readers;
+  for (const EpisodeReader reader : kReaders) readers.emplace_back(follow, reader);
+  for (uint64_t id = 0; id < kCount; ++id)
+    arena.episodes().write({.episode_id = id, .episode_seed = ~id, .layout_id = id});
+  has_ended = true;
+  for (std::thread& reader : readers) reader.join();
+}
+
+TEST(Episodes, DamagedNumbersDoNoHarm) {
+  const Arena arena = make_arena();
+  arena.episodes().write({.agent_count = UINT32_MAX});
+  EXPECT_EQ(arena.episodes().read(EpisodeReader::kSupervisor)->returns().size(), std::size_t{kMaxAgents});
 }
 
 TEST(Report, TheNewestIsReadOnceAndNeverHalf) {

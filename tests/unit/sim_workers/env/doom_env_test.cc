@@ -129,7 +129,8 @@ TEST(DoomEnvironment, TheMapsExitTerminatesInTheMiddleOfADecision) {
   EXPECT_EQ(env.summary().length_steps, 2u);
   EXPECT_EQ(env.summary().length_tics, 6u);
   EXPECT_EQ(env.summary().score, 6.0f);
-  EXPECT_EQ(env.summary().agent_return, (std::vector<float>{6, 6}));
+  EXPECT_EQ(std::vector(env.summary().returns().begin(), env.summary().returns().end()),
+            (std::vector<float>{6, 6}));
 }
 
 TEST(DoomEnvironment, TheDecisionLimitTruncates) {

@@ -78,7 +78,7 @@ TEST_P(EveryTeam, PlaysTheDefaultMapAndStaysBelowItsCeiling) {
   for (int episode = 0; episode < GetParam().episodes; ++episode) {
     const auto summary = play_oracle_episode(game, 1 + static_cast<uint64_t>(episode));
     ASSERT_TRUE(summary) << summary.error().message;
-    EXPECT_EQ(summary->agent_score.size(), static_cast<std::size_t>(GetParam().num_agents));
+    EXPECT_EQ(summary->agent_count, static_cast<uint32_t>(GetParam().num_agents));
     ASSERT_GT(summary->ceiling, 0);
     EXPECT_LE(summary->score, summary->ceiling);
     share += summary->score / summary->ceiling / GetParam().episodes;

@@ -189,7 +189,8 @@ TEST_F(SimProgram, EvaluationDeliversTheSameEpisodesEveryTime) {
     EXPECT_TRUE(test::wait_until([&] { return server->serve_one().has_value(); }));
     std::vector<std::pair<uint64_t, float>> scores;
     EXPECT_TRUE(test::wait_until([&] {
-      while (const std::optional<shm::EpisodeRecord> record = arena.episodes().pop()) {
+      while (const std::optional<EpisodeRecord> record =
+                 arena.episodes().read(shm::EpisodeReader::kSupervisor)) {
         scores.emplace_back(record->episode_id, record->score);
         EXPECT_GT(record->length_steps, 0u);
         EXPECT_GE(4 * record->length_steps, record->length_tics);

@@ -376,7 +376,7 @@ TEST(SimWorker, EpisodeRecordsTellTheRawReturnAndTheScore) {
   // Replay environment 0's first episode from its first slab.
   ToyEnvironment world(options);
   world.reset(training_seed(0, 0));
-  std::optional<shm::EpisodeRecord> record;
+  std::optional<EpisodeRecord> record;
   host.await(
       [&] {
         for (int slab = 0; slab < host.arena.shape().slab_count; ++slab) {
@@ -387,7 +387,8 @@ TEST(SimWorker, EpisodeRecordsTellTheRawReturnAndTheScore) {
         return false;
       },
       "environment 0's first slab");
-  while ((record = host.arena.episodes().pop()) && !(record->env_index == 0 && record->episode_id == 0)) {
+  while ((record = host.arena.episodes().read(shm::EpisodeReader::kSupervisor)) &&
+         !(record->env_index == 0 && record->episode_id == 0)) {
   }
   ASSERT_TRUE(record);
   for (const uint32_t slab_index : host.arena.slabs().drain(100)) {
@@ -481,10 +482,10 @@ TEST(SimWorker, EvaluationPlaysEveryEpisodeOnceAndGivesItsSlabsBack) {
   Host host(small_arena_shape(), options, false, {.seed = kSeed, .evaluate = true});
   host.arena.control().episodes_per_run = 21;  // for eight environments
   host.start(0);                               // no learner, no gate
-  std::map<uint64_t, shm::EpisodeRecord> records;
+  std::map<uint64_t, EpisodeRecord> records;
   host.await(
       [&] {
-        while (const auto record = host.arena.episodes().pop()) {
+        while (const auto record = host.arena.episodes().read(shm::EpisodeReader::kSupervisor)) {
           EXPECT_EQ(record->env_index, record->episode_id % 8);
           EXPECT_TRUE(records.emplace(record->episode_id, *record).second)
               << "episode " << record->episode_id << " twice";
@@ -493,7 +494,7 @@ TEST(SimWorker, EvaluationPlaysEveryEpisodeOnceAndGivesItsSlabsBack) {
       },
       "all episodes");
   host.await_looks_in_vain();
-  EXPECT_FALSE(host.arena.episodes().pop());
+  EXPECT_FALSE(host.arena.episodes().read(shm::EpisodeReader::kSupervisor));
   EXPECT_EQ(records.rbegin()->first, 20u);
   for (const auto& [id, record] : records) {
     EXPECT_EQ(record.episode_seed, RngKey(kSeed).split("evaluation").split(id).bits());
@@ -527,7 +528,7 @@ TEST(SimWorker, EvaluationWithFewerEpisodesThanEnvironmentsOrSlabsEnds) {
   int count = 0;
   host.await(
       [&] {
-        while (host.arena.episodes().pop()) ++count;
+        while (host.arena.episodes().read(shm::EpisodeReader::kSupervisor)) ++count;
         return count >= 5;
       },
       "all episodes");
@@ -666,7 +667,7 @@ TEST(SimWorker, ARestartedWorkerNeverPlaysAnEpisodeTwice) {
     std::size_t seen = 0;
     host.await(
         [&] {
-          while (const auto record = host.arena.episodes().pop())
+          while (const auto record = host.arena.episodes().read(shm::EpisodeReader::kSupervisor))
             EXPECT_TRUE(seeds.insert(record->episode_seed).second) << "an episode came twice";
           for (const uint32_t slab : host.arena.slabs().drain(100)) {
             const shm::SlabHeader& header = host.arena.slabs().header(static_cast<int>(slab));
@@ -789,36 +790,32 @@ TEST(SimWorker, RefusesEnvironmentsThatDoNotFitTheArena) {
   EXPECT_TRUE(SimWorker::create(good, arena, {.worker_index = 1, .rules = {}}));
 }
 
-/// Grants layouts by a rule, as the learner would, and collects what was played.
-class LayoutDeskClerk {
+/// Assigns layouts by a rule, as the learner would, and collects what was played.
+class LayoutClerk {
  public:
-  explicit LayoutDeskClerk(const Arena& arena) : arena_(arena) {}
+  explicit LayoutClerk(const Arena& arena) : arena_(arena) {}
 
-  /// The k-th grant of an environment is layout (env + k) % count.
+  /// The k-th assignment of an environment is layout (env + k) % count.
   void serve(uint32_t count) {
+    while (const auto record = arena_.episodes().read(shm::EpisodeReader::kCurriculum))
+      layouts_played[static_cast<int>(record->env_index)].push_back(record->layout_index);
     for (int env = 0; env < arena_.shape().env_count(); ++env) {
       shm::LayoutMailbox& mailbox = arena_.layout_mailboxes().of(env);
-      for (uint64_t heard = mailbox.heard.load(); heard < mailbox.reported.load(); ++heard) {
-        outcomes[env].push_back(shm::unpack_outcome(mailbox.outcome[heard % shm::kMailboxOutcomes].load()));
-        mailbox.heard.store(heard + 1);
-      }
-      if (mailbox.taken.load() != mailbox.assigned.load()) continue;
-      mailbox.layout_index.store((static_cast<uint32_t>(env) + mailbox.assigned.load()) % count);
-      mailbox.assigned.fetch_add(1);
+      if (mailbox.is_due()) mailbox.assign((static_cast<uint32_t>(env) + mailbox.assigned.load()) % count);
     }
   }
-  std::map<int, std::vector<shm::LayoutOutcome>> outcomes;
+  std::map<int, std::vector<uint32_t>> layouts_played;
 
  private:
   const Arena& arena_;
 };
 
-TEST(SimWorker, LayoutsComeFromTheDeskEveryFewEpisodes) {
+TEST(SimWorker, LayoutsComeFromTheMailboxEveryFewEpisodes) {
   ToyOptions options = toy(5, 5);
   options.layout_count = 3;
   ArenaShape shape = small_arena_shape();
   Host host(shape, options, /*lock_step=*/true, {.seed = kSeed, .layout_count = 3, .layout_swap_every = 2});
-  LayoutDeskClerk clerk(host.arena);
+  LayoutClerk clerk(host.arena);
   clerk.serve(3);
   host.start(0);
   std::map<uint32_t, std::vector<int>> rows;  // layout of every decision of an environment
@@ -839,22 +836,21 @@ TEST(SimWorker, LayoutsComeFromTheDeskEveryFewEpisodes) {
     for (int decision = 0; decision < 80; ++decision)  // two episodes of five decisions on each grant
       ASSERT_EQ(layouts[static_cast<std::size_t>(decision)], (static_cast<int>(env) + decision / 10) % 3)
           << "environment " << env << ", decision " << decision;
-    const auto& outcomes = clerk.outcomes[static_cast<int>(env)];
-    ASSERT_GE(outcomes.size(), 15u);
-    for (std::size_t k = 0; k < outcomes.size(); ++k)
-      EXPECT_EQ(outcomes[k].layout_index, (env + k / 2) % 3)
-          << "the episode is told under the layout it was played on";
+    const auto& played = clerk.layouts_played[static_cast<int>(env)];
+    ASSERT_GE(played.size(), 15u);
+    for (std::size_t k = 0; k < played.size(); ++k)
+      EXPECT_EQ(played[k], (env + k / 2) % 3) << "the episode is told under the layout it was played on";
     EXPECT_EQ(host.arena.layout_mailboxes().of(static_cast<int>(env)).late.load(), 0u);
   }
 }
 
-TEST(SimWorker, WithoutANewGrantTheLayoutIsPlayedOnceMore) {
+TEST(SimWorker, WithoutANewAssignmentTheLayoutIsPlayedOnceMore) {
   ToyOptions options = toy(4, 4);
   options.layout_count = 2;
   ArenaShape shape = small_arena_shape();
   shape.sim_worker_count = 1;
   Host host(shape, options, true, {.seed = kSeed, .layout_count = 2, .layout_swap_every = 1});
-  LayoutDeskClerk clerk(host.arena);
+  LayoutClerk clerk(host.arena);
   clerk.serve(2);  // once and never again
   host.start(3);
   host.await([&] { return host.arena.slabs().sealed_count() == 12; }, "three rollouts of four environments");
@@ -900,7 +896,7 @@ TEST(SimWorker, EvaluationPlaysTheLayoutsInTurn) {
   std::map<uint64_t, uint64_t> layout_of;
   host.await(
       [&] {
-        while (const auto record = host.arena.episodes().pop())
+        while (const auto record = host.arena.episodes().read(shm::EpisodeReader::kSupervisor))
           layout_of[record->episode_id] = record->layout_id;
         return layout_of.size() == 30;
       },
