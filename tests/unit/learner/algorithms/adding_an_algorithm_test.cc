@@ -1,4 +1,4 @@
-// The README's "Adding an algorithm", done: a row for the settings, a learner for the registry, and a game that it learns; a loss
+// "Adding things" of the README, done for an algorithm: a row for the settings, a learner for the registry, a game that it learns; a loss
 // term and a metric of a line each.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The README's "Adding a setting", done: one row in a .def file, and a program compiled with it has the setting in its
+// "Adding things" of the README, done for a setting: one row in a .def file, and a program compiled with it has the setting in its
 // struct, its layers, its TOML, its checks and its help.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
