@@ -67,7 +67,7 @@ struct StartPlan {
   std::string run_dir() const { return (fs::path(place.train_dir) / merged.config.run.experiment).string(); }
 };
 
-/// What [asked_for] in a run's config.toml holds from now on: of an earlier start what nobody changed since, and what this
+/// What [asked_for] in a run's config.toml holds from now on: of an earlier start what was not changed since, and what this
 /// one worked out.
 AskedFor asked_for(const StartPlan& plan) {
   const MergedSettings& merged = plan.merged;

@@ -18,7 +18,7 @@
 namespace comrad::learn {
 namespace {
 
-constexpr int64_t kDeskFields = 4;  // taken, playing, granted, layout
+constexpr int64_t kMailboxFields = 4;  // taken, playing, granted, layout
 
 }  // namespace
 
@@ -223,27 +223,27 @@ void LayoutService::append_to(std::vector<std::pair<std::string, double>>& metri
   metrics.emplace_back("curriculum/lost_outcomes", static_cast<double>(lost_outcomes_));
 }
 
-void LayoutService::capture_desks(const shm::Arena& arena, bool exact) {
-  desks_.clear();
+void LayoutService::capture_mailboxes(const shm::Arena& arena, bool exact) {
+  mailboxes_.clear();
   if (!exact) return;
   for (int env = 0; env < arena.shape().env_count(); ++env) {
     const shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
     for (const std::atomic<uint32_t>* field :
          {&mailbox.taken, &mailbox.playing, &mailbox.assigned, &mailbox.layout_index})
-      desks_.push_back(field->load());
+      mailboxes_.push_back(field->load());
   }
 }
 
-Status LayoutService::restore_desks(const shm::Arena& arena) const {
-  if (desks_.empty()) return {};
-  const auto env_count = static_cast<int64_t>(desks_.size()) / kDeskFields;
+Status LayoutService::restore_mailboxes(const shm::Arena& arena) const {
+  if (mailboxes_.empty()) return {};
+  const auto env_count = static_cast<int64_t>(mailboxes_.size()) / kMailboxFields;
   if (env_count != arena.shape().env_count())
     return Error{ErrorCode::kBadFormat, "the checkpoint holds the layouts of " + std::to_string(env_count) +
                                             " environments, this run has " +
                                             std::to_string(arena.shape().env_count())};
   const auto known = static_cast<int64_t>(curriculum_->task_count());
   for (int env = 0; env < arena.shape().env_count(); ++env) {
-    const int64_t* field = desks_.data() + env * kDeskFields;
+    const int64_t* field = mailboxes_.data() + env * kMailboxFields;
     if (field[1] < 0 || field[1] >= known || field[3] < 0 || field[3] >= known)
       return Error{ErrorCode::kBadFormat, "the checkpoint's environment " + std::to_string(env) +
                                               " plays a layout that is not in the pool"};
@@ -258,9 +258,9 @@ Status LayoutService::restore_desks(const shm::Arena& arena) const {
 
 void LayoutService::save(StateDict& state) const {
   state.put("curriculum/state", curriculum_->state());
-  if (desks_.empty()) return;
-  const auto env_count = static_cast<int64_t>(desks_.size()) / kDeskFields;
-  state.put("curriculum/desks", torch::tensor(desks_, torch::kInt64).view({env_count, kDeskFields}));
+  if (mailboxes_.empty()) return;
+  const auto env_count = static_cast<int64_t>(mailboxes_.size()) / kMailboxFields;
+  state.put("curriculum/desks", torch::tensor(mailboxes_, torch::kInt64).view({env_count, kMailboxFields}));
 }
 
 Status LayoutService::load(const StateDict& state) {
@@ -271,14 +271,14 @@ Status LayoutService::load(const StateDict& state) {
         "start another --experiment"};
   COMRAD_TRY_ASSIGN(const std::string text, state.text("curriculum/state"));
   COMRAD_TRY(curriculum_->restore(text));
-  desks_.clear();
+  mailboxes_.clear();
   if (!state.has("curriculum/desks")) return {};
   COMRAD_TRY_ASSIGN(const torch::Tensor saved, state.tensor("curriculum/desks"));
-  if (saved.dim() != 2 || saved.size(1) != kDeskFields || saved.scalar_type() != torch::kInt64)
+  if (saved.dim() != 2 || saved.size(1) != kMailboxFields || saved.scalar_type() != torch::kInt64)
     return Error{ErrorCode::kBadFormat,
                  "the checkpoint's curriculum/desks has another shape than this build writes"};
   const torch::Tensor dense = saved.contiguous();
-  desks_.assign(dense.data_ptr<int64_t>(), dense.data_ptr<int64_t>() + dense.numel());
+  mailboxes_.assign(dense.data_ptr<int64_t>(), dense.data_ptr<int64_t>() + dense.numel());
   return {};
 }
 

@@ -63,11 +63,11 @@ class LayoutService {
   /// "curriculum/entropy", ... for the run's metrics.
   void append_to(std::vector<std::pair<std::string, double>>& metrics);
 
-  /// Remembers the desks as they are between two rollouts, for exact resume; `exact` false forgets them.
-  void capture_desks(const shm::Arena& arena, bool exact);
-  /// Writes remembered desks into a fresh arena before simulators begin. Errors: kBadFormat where they are
+  /// Remembers the mailboxes as they are between two rollouts, for exact resume; `exact` false forgets them.
+  void capture_mailboxes(const shm::Arena& arena, bool exact);
+  /// Writes remembered mailboxes into a fresh arena before simulators begin. Errors: kBadFormat where they are
   /// those of another number of environments.
-  Status restore_desks(const shm::Arena& arena) const;
+  Status restore_mailboxes(const shm::Arena& arena) const;
 
   /// Section "curriculum" of a checkpoint.
   void save(StateDict& state) const;
@@ -86,7 +86,7 @@ class LayoutService {
 
   std::unique_ptr<Curriculum> curriculum_;
   std::optional<PlrScore> score_key_;  // none: the strategy does not listen to training
-  std::vector<int64_t> desks_;         // [env, kDeskFields]; empty: none remembered
+  std::vector<int64_t> mailboxes_;     // [env, kMailboxFields]; empty: none remembered
   uint64_t lost_outcomes_ = 0;         // that it came too late for
   uint64_t late_draws_ = 0;
 };

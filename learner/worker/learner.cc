@@ -187,7 +187,7 @@ Status Learner::prepare_training() {
         "resume it from its last checkpoint"};
   arena_.reclaim_learner();
   COMRAD_TRY(source_->start());
-  if (layouts_ && source_->resumes_exactly()) COMRAD_TRY(layouts_->restore_desks(arena_));
+  if (layouts_ && source_->resumes_exactly()) COMRAD_TRY(layouts_->restore_mailboxes(arena_));
   if (layouts_) layouts_->serve(arena_);
   return {};
 }
@@ -341,7 +341,7 @@ void Learner::close_rollout() {
   weights_->offer();
   weights_->finish();
   source_->close_rollout();
-  if (layouts_) layouts_->serve(arena_), layouts_->capture_desks(arena_, source_->resumes_exactly());
+  if (layouts_) layouts_->serve(arena_), layouts_->capture_mailboxes(arena_, source_->resumes_exactly());
   // A replay has gone on by the time it would be saved; without one a boundary is some megabytes.
   if (source_->feed() == nullptr)
     boundary_ = Boundary{.state = state(),
@@ -401,7 +401,7 @@ void Learner::poll() {
   if (now_s - last_poll_s_ < kPollIntervalS) return;
   last_poll_s_ = now_s;
   reporter_.hear_episodes();
-  // In lock step the desks are served between two rollouts alone, when no simulator is at them.
+  // In lock step the mailboxes are served between two rollouts alone, when no simulator looks into them.
   if (layouts_ && !lock_step_) layouts_->serve(arena_);
   reporter_.report_if_due();
 }

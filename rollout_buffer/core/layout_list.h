@@ -1,6 +1,6 @@
 // The layouts that a run draws from, in order: written into the run directory by the launcher when the run
 // starts, read by simulators (files) and the learner (names). The index in this list is what travels in slabs
-// and desks. Stage: reset.
+// and mailboxes. Stage: reset.
 #pragma once
 
 #include <string>

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "rollout_buffer/shm/region.h"
+#include "rollout_buffer/shm/sequence_lock.h"
 
 namespace comrad::shm {
 namespace {
@@ -36,11 +37,7 @@ void EpisodeStream::write(const EpisodeRecord& record) const {
   std::atomic<uint64_t>& written = heads_[sim_worker].written;
   const uint64_t number = written.load(std::memory_order_relaxed);
   EpisodeCell& target = cell(sim_worker, number);
-  target.sequence.store(2 * number + 1, std::memory_order_relaxed);
-  std::atomic_thread_fence(std::memory_order_seq_cst);
-  target.record = record;
-  std::atomic_thread_fence(std::memory_order_release);
-  target.sequence.store(2 * number + 2, std::memory_order_release);
+  write_locked(target.sequence, 2 * number + 2, record, target.record);
   written.store(number + 1, std::memory_order_release);
 }
 
@@ -56,15 +53,8 @@ std::optional<EpisodeRecord> EpisodeStream::read(EpisodeReader reader, int sim_w
   std::optional<EpisodeRecord> found;
   for (; number < written && !found; ++number) {
     const EpisodeCell& source = cell(sim_worker, number);
-    const uint64_t before = source.sequence.load(std::memory_order_acquire);
-    const EpisodeRecord record = source.record;
-    std::atomic_thread_fence(std::memory_order_acquire);
-    const bool is_whole =
-        before == 2 * number + 2 && source.sequence.load(std::memory_order_relaxed) == before;
-    if (is_whole)
-      found = record;
-    else
-      ++lost;
+    found = read_locked(source.sequence, 2 * number + 2, source.record);
+    if (!found) ++lost;
   }
   cursor.read.store(number, std::memory_order_relaxed);
   if (lost > 0) cursor.lost.fetch_add(lost, std::memory_order_relaxed);

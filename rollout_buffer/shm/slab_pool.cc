@@ -9,7 +9,7 @@ namespace comrad::shm {
 namespace {
 
 constexpr uint64_t kNoRollout = UINT64_MAX;   // of a slab that was acquired a moment ago
-constexpr uint64_t kNoPosition = UINT64_MAX;  // of a slab that nobody has begun to seal
+constexpr uint64_t kNoPosition = UINT64_MAX;  // of a slab whose sealing has not begun
 
 }  // namespace
 

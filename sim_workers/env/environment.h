@@ -53,7 +53,7 @@ class Environment {
   /// choices are treated as 0. Does not render.
   virtual void step(std::span<const int32_t> action) = 0;
   virtual const Step& last_step() const = 0;
-  /// The episode's lengths, scores and returns; who plays it adds its identity. Valid once last_step().episode_over().
+  /// The episode's lengths, scores and returns; the worker adds its identity. Valid once last_step().episode_over().
   virtual const EpisodeRecord& summary() const = 0;
   /// Hash of the whole state, for determinism tests.
   virtual uint64_t state_hash() const = 0;

@@ -612,7 +612,7 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
                        ? &state_.players[static_cast<std::size_t>(body.player_index)]
                        : nullptr;
   const bool over_body = body.floor_z > body.ground_z;
-  // Stepped up: the eye stays where it was and catches up. Whoever rises to the top of a body in this tic has not stepped.
+  // Stepped up: the eye stays where it was and catches up. Rising to the top of a body in this tic is no step.
   if (player != nullptr && body.z < body.floor_z &&
       !(over_body && int64_t{body.z} + body.velocity_z >= body.floor_z)) {
     player->view_height = clamped_fixed(int64_t{player->view_height} - body.floor_z + body.z);

@@ -41,7 +41,7 @@ void lose_surplus_health(const World& world, Player& player, Actor& body) {
   if (body.health > full) player.health = body.health = body.health < full + 5 ? full : body.health - 1;
 }
 
-/// In mud whoever is faster pushes better.
+/// In mud a faster body pushes better.
 int32_t mud_grip(const Footing& footing, const Actor& body) {
   if (footing.friction >= kGroundFriction) return 1;
   constexpr Fixed kSlow = 15'000;

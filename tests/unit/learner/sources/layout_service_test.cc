@@ -158,7 +158,7 @@ TEST_F(LayoutServiceTest, TheOrderInWhichASimulatorsEnvironmentsEndDoesNotCount)
   EXPECT_EQ(play({0, 1, 2, 3, 1, 5}), play({5, 1, 3, 2, 0, 1}));
 }
 
-TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {
+TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheMailboxes) {
   config_.curriculum.curriculum = CurriculumKind::kLearningProgress;
   const auto first = open();
   for (int round = 0; round < 20; ++round) {
@@ -167,7 +167,7 @@ TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {
       take(env), report(env, static_cast<float>((env * 3 + round) % 7) / 7.0f);
   }
   first->serve(arena_);
-  first->capture_desks(arena_, true);
+  first->capture_mailboxes(arena_, true);
   StateDict state;
   first->save(state);
 
@@ -175,7 +175,7 @@ TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {
   const auto second = open();
   const Status loaded = second->load(state);
   ASSERT_TRUE(loaded) << loaded.error().message;
-  ASSERT_TRUE(second->restore_desks(fresh));
+  ASSERT_TRUE(second->restore_mailboxes(fresh));
   for (int env = 0; env < 8; ++env) {
     EXPECT_EQ(fresh.layout_mailboxes().of(env).playing.load(),
               arena_.layout_mailboxes().of(env).playing.load());
@@ -190,7 +190,7 @@ TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {
 
   shm::ArenaShape other = small_arena_shape();
   other.sim_worker_count = 1;
-  EXPECT_THAT(second->restore_desks(*shm::Arena::create(other, 3)).error().message,
+  EXPECT_THAT(second->restore_mailboxes(*shm::Arena::create(other, 3)).error().message,
               HasSubstr("8 environments"));
   ASSERT_TRUE(first->write_file(folder_.string()));
   std::ifstream file(folder_ / "curriculum_state.json");
