@@ -17,4 +17,9 @@ Expected<std::string> python_that_imports(
     const std::string& what_to_do =
         "install python3-matplotlib, python3-numpy and python3-scipy, as ./comrad report does on Debian");
 
+/// The Python of an environment that ./comrad makes: the one that `variable` names ("COMRAD_SEARCH_PYTHON") and no other, else
+/// <build folder>/<environment>, Debian's, or the one of PATH; the first that runs `imports`. Errors: kNotFound with `what_to_do`.
+Expected<std::string> python_of_environment(const char* variable, const std::string& environment,
+                                            const std::string& imports, const std::string& what_to_do);
+
 }  // namespace comrad::deploy

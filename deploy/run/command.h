@@ -44,6 +44,7 @@ int scenarios_command(Arguments arguments);
 int doomgen_command(Arguments arguments);
 int acs_command(Arguments arguments);
 int trace_command(Arguments arguments);
+int docs_command(Arguments arguments);
 int doctor_command(Arguments arguments);
 int keys_command(Arguments arguments);
 int completion_command(Arguments arguments);

@@ -47,6 +47,7 @@ const std::vector<Command>& commands() {
        {kAnyScenario}},
       {"acs", "compile an ACS script", acs_command},
       {"trace", "play one player's buttons and write what came of it, tic by tic", trace_command},
+      {"docs", "build the documentation as a site, or serve it", docs_command},
       {"doctor", "check this machine and say what to do", doctor_command},
       {"test", "run the test suite", test_command},
       {"keys",

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "deploy/process/child_program.h"
+#include "deploy/process/python_program.h"
 #include "deploy/sweep/population.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
@@ -89,23 +90,12 @@ std::size_t place_of(const std::vector<Member>& members, const SweepRun& run) {
 }  // namespace
 
 Expected<std::string> search_python() {
-  static const std::string found = []() -> std::string {
-    const char* named = std::getenv("COMRAD_SEARCH_PYTHON");
-    std::vector<std::string> candidates = {build_folder() + "/search-python/bin/python", "/usr/bin/python3",
-                                           "python3"};
-    if (named != nullptr && *named != '\0') candidates = {named};
-    for (const std::string& python : candidates) {
-      const auto tried = run_python({python, "-c", kImports});
-      if (tried && tried->exit_code == 0) return python;
-    }
-    return "";
-  }();
-  if (!found.empty()) return found;
-  return Error{
-      ErrorCode::kNotFound,
+  static const Expected<std::string> found = python_of_environment(
+      "COMRAD_SEARCH_PYTHON", "search-python", kImports,
       "[search] needs Optuna 4 or later: no Python here can import it; ./comrad sweep installs it in the "
       "build folder, "
-      "or make an environment with `pip install optuna` and name its python: COMRAD_SEARCH_PYTHON=FILE"};
+      "or make an environment with `pip install optuna` and name its python: COMRAD_SEARCH_PYTHON=FILE");
+  return found;
 }
 
 Status begin_search(const SweepFolder& folder) {

@@ -321,6 +321,19 @@ TEST_F(SmallProjectWithTools, InstallsWhatASearchNeedsForASweepThatSearches) {
   EXPECT_EQ(take_asked_for("python"), "") << "once";
 }
 
+TEST_F(SmallProjectWithTools, InstallsWhatTheSiteNeedsForTheSite) {
+  write("deploy/requirements_docs.txt", "mkdocs-material==1\n");
+  EXPECT_EQ(run_with_tools({"docs", "--help"}).exit_code, 0);
+  EXPECT_EQ(run_with_tools({"docs", "--serve"}, {{"COMRAD_DOCS_PYTHON", "/my/python"}}).exit_code, 0);
+  EXPECT_EQ(take_asked_for("python"), "");
+  EXPECT_EQ(run_with_tools({"docs", "--serve"}).exit_code, 0);
+  EXPECT_THAT(take_asked_for("python"),
+              AllOf(HasSubstr("-m venv " + (home_ / "build/docs-python").string() + "\n"),
+                    HasSubstr(" mkdocs-material==1\n")));
+  EXPECT_EQ(run_with_tools({"docs", "--serve"}).err, "");
+  EXPECT_EQ(take_asked_for("python"), "") << "once";
+}
+
 TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
   write("deploy/packages_report.txt", "clang\n");
   EXPECT_EQ(run_with_tools({"plot", "--help"}).exit_code, 0);

@@ -1,0 +1,76 @@
+#!/usr/bin/env python3
+"""Builds the site from the pages in the folders, or serves it on this host.
+
+    docs.py --comrad PROGRAM --build DIR | --serve [ADDRESS:PORT]
+
+Pages keep their paths (stage.py), the program writes the reference (reference.py), MkDocs makes HTML (mkdocs.yml). A link that
+leads nowhere, a missing picture or a page that the navigation lacks ends the build. Nothing in the result is loaded from a network.
+"""
+
+import argparse
+import functools
+import http.server
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+import reference
+from stage import Stage, pages_of
+
+HERE = pathlib.Path(__file__).resolve().parent
+HOME = HERE.parents[1]
+FAILED, BAD_INPUT = 1, 2
+
+
+def build(comrad: str, to: pathlib.Path) -> int:
+    """Writes the site into the folder `to`, which is emptied first. Returns the exit code."""
+    with tempfile.TemporaryDirectory(prefix="comrad_docs_") as folder:
+        stage = Stage(HOME, pathlib.Path(folder, "docs"))
+        for page in pages_of(HOME):
+            stage.page(page)
+        reference.write_all(stage, comrad)
+        shutil.copyfile(HERE / "mkdocs.yml", pathlib.Path(folder, "mkdocs.yml"))
+        shutil.copyfile(HERE / "site.css", stage.to / "site.css")
+        command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", f"{folder}/mkdocs.yml", "-d", str(to)]
+        environment = {"NO_MKDOCS_2_WARNING": "1", "DISABLE_MKDOCS_2_WARNING": "true", **os.environ}
+        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        if done.returncode:
+            print("\n".join(line for line in done.stdout.splitlines() if not line.startswith("INFO")), file=sys.stderr)
+        return FAILED if done.returncode else 0
+
+
+def serve(folder: str, address: str) -> int:
+    """Serves a folder until Ctrl-C."""
+    host, _, port = address.rpartition(":")
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=folder)
+    handler.log_message = lambda *_: None
+    try:
+        server = http.server.ThreadingHTTPServer((host, int(port)), handler)
+    except (OSError, ValueError, OverflowError) as error:
+        print(f"comrad docs: error: cannot serve at {address}: {error}; write ADDRESS:PORT", file=sys.stderr)
+        return BAD_INPUT
+    print(f"http://{server.server_address[0]}:{server.server_address[1]}  (Ctrl-C stops)", flush=True)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        return 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--comrad", required=True)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--build", type=pathlib.Path)
+    what.add_argument("--serve", metavar="ADDRESS:PORT")
+    arguments = parser.parse_args()
+    if arguments.build:
+        return build(arguments.comrad, arguments.build.resolve())
+    with tempfile.TemporaryDirectory(prefix="comrad_site_") as folder:
+        return build(arguments.comrad, pathlib.Path(folder)) or serve(folder, arguments.serve)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

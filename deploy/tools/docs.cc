@@ -1,0 +1,63 @@
+// `comrad docs`: builds the site from the pages in the folders, or serves it on this host. Becomes deploy/site/docs.py.
+
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "deploy/process/child_program.h"
+#include "deploy/process/python_program.h"
+#include "deploy/run/command.h"
+#include "rollout_buffer/core/files.h"
+
+namespace comrad::deploy {
+namespace {
+
+struct DocsOptions {
+  std::string build, address = "127.0.0.1:8000";
+  bool serve = false;
+};
+
+/// The words of docs.py. Errors: bad options; kNotFound without the sources of the pages, or without MkDocs.
+Expected<std::vector<std::string>> docs_words(const DocsOptions& options) {
+  if (options.serve == !options.build.empty())
+    return Error{ErrorCode::kBadInput, "expected --serve or --build DIR"};
+  const std::string script = data_dir() + "/deploy/site/docs.py";
+  if (!std::filesystem::exists(script))
+    return Error{ErrorCode::kNotFound,
+                 "there is no " + script + "; run this command in a checkout of COMRAD"};
+  COMRAD_TRY_ASSIGN(const std::string python,
+                    python_of_environment(
+                        "COMRAD_DOCS_PYTHON", "docs-python", "import material, mkdocs",
+                        "no Python here can import mkdocs-material; ./comrad docs installs it in the build "
+                        "folder, or name a Python that has it: COMRAD_DOCS_PYTHON=FILE"));
+  std::vector<std::string> words = {python, "-B", script, "--comrad", sibling_program("comrad")};
+  if (options.serve)
+    words.insert(words.end(), {"--serve", options.address});
+  else
+    words.insert(words.end(), {"--build", options.build});
+  return words;
+}
+
+}  // namespace
+
+int docs_command(Arguments arguments) {
+  DocsOptions options;
+  CommandLine line(
+      "docs --serve [--address ADDRESS:PORT] | --build DIR",
+      "Builds the documentation as a site: the pages of the folders, and a reference of commands, settings,\n"
+      "metrics and files that the program writes. Reading it needs no network.");
+  line.add_switch("serve", options.serve, "build it and serve it until Ctrl-C");
+  line.add_option("address", options.address, "ADDRESS:PORT",
+                  "where --serve listens (default 127.0.0.1:8000)");
+  line.add_option("build", options.build, "DIR", "write it into this folder, which is emptied first");
+  if (const Status parsed = line.parse(arguments); !parsed) return report_error("docs", parsed.error());
+  if (line.help_requested()) {
+    std::fputs(line.help().c_str(), stdout);
+    return kExitDone;
+  }
+  const Expected<std::vector<std::string>> words = docs_words(options);
+  return report_error("docs", words ? replace_process(*words) : words.error());
+}
+
+}  // namespace comrad::deploy
