@@ -564,16 +564,19 @@ def scenario_settings(scenario: str) -> dict:
 
 
 def published_table(path: pathlib.Path) -> tuple[list[str], dict[str, dict]]:
-    """The paper's table in the scenarios' units: algorithms; of each scenario printed, half_width, archived (in that order)
-    and ceiling. Raises ValueError where units do not convert."""
+    """The paper's table in the scenarios' units: algorithms; of each scenario printed, half_width, archived (in that order),
+    ceiling, unit (the paper's) and ours_in_one (how many of our units are one of the paper's). Raises ValueError where units do
+    not convert."""
     table = tomllib.loads(path.read_text(encoding="utf-8"))
     algorithms = table.pop("algorithms")
     for scenario, entry in table.items():
         unit, ours = entry["unit"], scenario_settings(scenario).get("score_unit")
+        entry["ours_in_one"] = 1.0
         if unit == ours:
             continue
         if unit not in TICS or ours not in TICS:
             raise ValueError(f"{path.name}: {scenario} is published in {unit}, which are no {ours}")
+        entry["ours_in_one"] = TICS[unit] / TICS[ours]
         for name in ("printed", "half_width", "archived"):
-            entry[name] = [value * TICS[unit] / TICS[ours] for value in entry[name]]
+            entry[name] = [value * entry["ours_in_one"] for value in entry[name]]
     return algorithms, table

@@ -69,12 +69,12 @@ def parse(words: list[str]) -> argparse.Namespace:
 
 
 def write_results(study, folder: pathlib.Path, page: pathlib.Path | None, pages: pathlib.Path | None) -> int:
-    from results_page import read_rows, results_page, scenario_pages
+    from results_page import read_kept_rows, results_page, scenario_pages
 
-    if not (folder / "eval").is_dir():
-        say(f"error: {folder} has no eval/; kept results are what a sweep with [results] leaves")
+    if not any(folder.glob("*/curve.csv")):
+        say(f"error: {folder} holds no kept result (RUN/curve.csv); a sweep with [results] leaves them")
         return 2
-    kept, written = read_rows(study, folder), []
+    kept, written = read_kept_rows(study, folder), []
     try:
         if page:
             written += results_page(study, kept, folder, page, f"./comrad report {folder} --results_page {page}")

@@ -1,11 +1,12 @@
-"""One Markdown page about a folder of kept results (deploy/SWEEPS.md): what was shown to learn, by which test, and what was not.
+"""One Markdown page about a folder of kept results (deploy/SWEEPS.md): scores, aggregates, curves and findings.
 
-The folder holds <run>/result.json, config.toml and metrics.jsonl, and in eval/ the episodes of every run and of random play on
-the same maps (`comrad eval --policy random --json`). A run beats random play where Welch's one-sided test over their episodes gives
-p < 0.01 after Holm's correction over all tests of the page, in score J or in return; both are tested for every run.
+The folder holds <run>/result.json, config.toml and curve.csv, and random_<scenario>.json with the episodes of random play on the
+same map. A run beats random play where Welch's one-sided test over their episodes gives p < 0.01 after Holm's correction over all
+tests of the folder.
 """
 
 import dataclasses
+import functools
 import math
 import os
 import pathlib
@@ -13,42 +14,60 @@ import pathlib
 import numpy as np
 from scipy import stats
 
-from analysis import REFERENCE, Study, measured_references, published_table, reference_file, scenario_settings
-from figures import EVALUATION, STYLE, colors_of, legend_below, plt
+from analysis import REFERENCE, Reference, Study, published_table, scenario_settings
+from figures import COLORS, STYLE, colors_of, legend_below, plt
 from curves import draw_references, draw_runs
-from run_files import OFF_POLICY, ON_POLICY, SCORE, Run, parse_json, read_text
-from tables import Table, as_markdown, millions, plural, rounded
+from intervals import interquartile_mean, stratified_interval, student_interval
+from run_files import OFF_POLICY, ON_POLICY, RESULT, Run, episode_values, parse_json, read_text
+from tables import Table, as_csv, as_markdown, millions, rounded, with_interval
 
 ALGORITHMS = ON_POLICY + OFF_POLICY
-ALPHA = 0.01
-LONGEST_FRAMES = 20e6  # within which a score of the paper's 100 M counts as reached
-RANDOM = "random_"  # eval/random_<scenario>.json
+ALPHA = 0.01  # of a run against random play
+ALPHA_FINDING = 0.05  # of a difference between algorithms, over seeds
+RANDOM = "random_"  # random_<scenario>.json
 SECTION_BEGIN, SECTION_END = "<!-- results -->", "<!-- end of results -->"  # in a scenario's page
-PICTURE = "curves.png"
+PICTURE, AGGREGATES, EACH_RUN = "curves.png", "aggregates.png", "runs.csv"
 # At the width of a page, 8.4 inches, this is the size of the text around it.
 LARGER = {"font.size": 9, "axes.labelsize": 9, "axes.titlesize": 10, "legend.fontsize": 9} | {
     f"{axis}tick.labelsize": 8.5 for axis in "xy"
 }
 
 
+@dataclasses.dataclass(frozen=True)
+class Claim:
+    """The paper's sentence on which algorithms are ahead where (section 4): `ahead` and `behind` are families, each represented
+    by its strongest algorithm, as in the paper's figure 2."""
+
+    words: str
+    ahead: tuple[str, ...]
+    behind: tuple[str, ...]
+    scenarios: tuple[str, ...]
+
+
+CLAIMS = (
+    Claim("on-policy algorithms lead where commitment is needed", ON_POLICY, OFF_POLICY, ("stag_hunt_arena", "rhythm_sync", "coop_puzzle")),
+    Claim("value methods lead in stewardship and defence", OFF_POLICY, ON_POLICY, ("foraging_commons", "armory_siege")),
+    Claim("IPPO leads MAPPO on Ammo Carrier", ("ippo",), ("mappo",), ("ammo_carrier",)),
+)
+
+
 @dataclasses.dataclass
 class Row:
-    """A kept run beside random play. p_score and p_return are Holm's, NaN where random play was not measured."""
+    """A kept run. scores [E] f64 is J of each evaluated episode; p_score is Holm's, NaN where random play was not measured."""
 
     run: Run
     result: dict
     scores: np.ndarray
     returns: np.ndarray
     p_score: float = math.nan
-    p_return: float = math.nan
 
     @property
-    def beats_in_score(self) -> bool:
+    def beats_random(self) -> bool:
         return self.p_score < ALPHA
 
     @property
-    def beats_in_return(self) -> bool:
-        return self.p_return < ALPHA
+    def mean(self) -> float:
+        return float(self.scores.mean())
 
     @property
     def stale(self) -> str:
@@ -62,16 +81,15 @@ class Row:
         return float(self.result.get("env_frames") or math.nan)
 
 
-def read_episodes(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
-    """J and return of each episode of an evaluation, [E] f64. Raises OSError and ValueError with a sentence."""
+def read_episodes(path: pathlib.Path) -> tuple[dict, np.ndarray, np.ndarray]:
+    """A kept evaluation, and J and return of each of its episodes, [E] f64. Raises OSError and ValueError with a sentence."""
     answer = parse_json(read_text(path))
-    each = answer.get("each") if isinstance(answer, dict) else None
-    if not isinstance(each, list) or len(each) < 2 or not all(isinstance(one, dict) for one in each):
-        raise ValueError(f"{path.name} holds no episodes")
-    values = [np.array([one.get(name, math.nan) for one in each], dtype=float) for name in ("J", "return")]
-    if not all(np.isfinite(one).all() for one in values):
-        raise ValueError(f"{path.name} has an episode without J or return")
-    return values[0], values[1]
+    if not isinstance(answer, dict):
+        raise ValueError(f"{path.name} holds no object")
+    scores, returns = (episode_values(answer, name) for name in ("J", "return"))
+    if len(scores) < 2 or len(scores) != len(returns) or not np.isfinite([scores, returns]).all():
+        raise ValueError(f"{path.name} lacks J or return of its episodes")
+    return answer, scores, returns
 
 
 def welch(ours: np.ndarray, others: np.ndarray) -> float:
@@ -91,107 +109,116 @@ def holm(p_values: list[float]) -> list[float]:
     return adjusted
 
 
-Kept = tuple[list[Row], dict[str, tuple], list[str]]
+Cells = dict[tuple[str, str], list[Row]]
 
 
-def tests_of(rows: list[Row]) -> int:
-    """Score and return of every run that random play was measured for."""
-    return 2 * sum(not math.isnan(row.p_score) for row in rows)
+@dataclasses.dataclass
+class Kept:
+    """What a folder of kept results holds.
+
+    random_play   scenario -> J of each episode of random play, [E] f64
+    problems      what could not be used, a sentence each"""
+
+    rows: list[Row]
+    random_play: dict[str, np.ndarray]
+    problems: list[str]
+
+    @property
+    def tests(self) -> int:
+        return sum(not math.isnan(row.p_score) for row in self.rows)
+
+    @functools.cached_property
+    def cells(self) -> Cells:
+        """Runs by scenario and algorithm; of runs of several lengths those of the greatest goal."""
+        cells: Cells = {}
+        for row in self.rows:
+            cells.setdefault((row.run.scenario, row.run.algo), []).append(row)
+        for at, found in cells.items():
+            goal = max(row.result.get("train_for_env_frames") or 0 for row in found)
+            cells[at] = [row for row in found if (row.result.get("train_for_env_frames") or 0) == goal]
+        return cells
 
 
-def read_rows(study: Study, folder: pathlib.Path) -> Kept:
-    """The kept runs of a study, random play of each scenario, and what could not be used."""
+def read_kept_rows(study: Study, folder: pathlib.Path) -> Kept:
+    """The kept runs of a study beside random play."""
     rows, problems, random_play = [], [], {}
     for run in study.runs:
         try:
-            result = parse_json(read_text(run.folder / "result.json"))
-            if not isinstance(result, dict):
-                raise ValueError("result.json holds no object")
-            rows.append(Row(run, result, *read_episodes(folder / "eval" / f"{run.name}.json")))
+            rows.append(Row(run, *read_episodes(run.folder / RESULT)))
         except (OSError, ValueError) as error:
             problems.append(f"{run.name}: {error}")
     for scenario in sorted({row.run.scenario for row in rows}):
         try:
-            random_play[scenario] = read_episodes(folder / "eval" / f"{RANDOM}{scenario}.json")
+            random_play[scenario] = read_episodes(folder / f"{RANDOM}{scenario}.json")[1]
         except (OSError, ValueError) as error:
             problems.append(f"random play of {scenario}: {error}")
     tested = [row for row in rows if row.run.scenario in random_play]
-    p_values = []
-    for row in tested:
-        scores, returns = random_play[row.run.scenario]
-        p_values += [welch(row.scores, scores), welch(row.returns, returns)]
-    for at, adjusted in enumerate(holm(p_values)):
-        if at % 2 == 0:
-            tested[at // 2].p_score = adjusted
-        else:
-            tested[at // 2].p_return = adjusted
-    return rows, random_play, problems
+    for row, p in zip(tested, holm([welch(row.scores, random_play[row.run.scenario]) for row in tested])):
+        row.p_score = p
+    return Kept(rows, random_play, problems)
 
 
-def most(rows: list[Row], name: str) -> bool:
-    return 2 * sum(getattr(row, name) for row in rows) > len(rows)
+def means_of(rows: list[Row]) -> np.ndarray:
+    """Mean J of each run, [seeds] f64."""
+    return np.array([row.mean for row in rows])
 
 
-def cell_text(rows: list[Row]) -> str:
-    """The mean J of a cell's longest runs; bold where most of them beat random play in score, italic where in return alone."""
+def share_text(score: float, reference: Reference | None) -> str:
+    return "" if reference is None else f"{100 * reference.normalised(score):.0f} %"
+
+
+def cell_text(rows: list[Row], reference: Reference | None) -> str:
+    """Mean J over seeds with its half-width, bold where most runs beat random play; beneath it the share of the scripted team's."""
     if not rows:
         return ""
-    text = rounded(float(np.mean([row.scores.mean() for row in rows])), 3)
-    if most(rows, "beats_in_score"):
+    means = means_of(rows)
+    text = rounded(float(means.mean()), 3)
+    if 2 * sum(row.beats_random for row in rows) > len(rows):
         text = f"**{text}**"
-    elif most(rows, "beats_in_return"):
-        text = f"*{text}*"
-    return text + (f" ({len(rows)})" if len(rows) > 1 else "") + ("†" if any(row.stale for row in rows) else "")
+    if len(means) > 1:
+        text += f" ± {rounded((student_interval(means)[1] - means.mean()), 2)}"
+    text += "†" * any(row.stale for row in rows)
+    share = share_text(float(means.mean()), reference)
+    return text + (f"<br>{share}" if share else "")
 
 
-def cells_of(rows: list[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Runs by scenario and algorithm; of runs of several lengths those of the greatest goal."""
-    cells: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        cells.setdefault((row.run.scenario, row.run.algo), []).append(row)
-    for at, found in cells.items():
-        goal = max(row.result.get("train_for_env_frames") or 0 for row in found)
-        cells[at] = [row for row in found if (row.result.get("train_for_env_frames") or 0) == goal]
-    return cells
-
-
-def plays_as_published(run: Run) -> bool:
-    """The game of the paper's runs: the reference variant, two agents, a decision in four tics."""
-    return run.scenario.endswith(REFERENCE) and run.settings.get("num_agents", 2) == 2 and run.settings.get("env_frameskip", 4) == 4
-
-
-def printed_for(run: Run, published: dict[str, dict]) -> float | None:
-    """The paper's J for that game and algorithm, in the scenario's unit."""
-    entry = published.get(run.scenario.removesuffix(REFERENCE)) if plays_as_published(run) else None
-    return entry["printed"][ALGORITHMS.index(run.algo)] if entry else None
-
-
-def reached(scenarios, cells, published: dict[str, dict]) -> dict[str, list[str]]:
-    """For each scenario the algorithms whose mean J in its reference variant is what the paper prints at 100 M, or more."""
-    found = {}
+def score_table(study: Study, kept: Kept, scenarios: list[str]) -> Table:
+    """Scenarios by algorithms under the default rules."""
+    table = Table(["scenario", "random", *ALGORITHMS, "scripted"], [])
     for scenario in scenarios:
-        for algo in ALGORITHMS:
-            rows = cells.get((scenario, algo), [])
-            value = (printed_for(rows[0].run, published) if rows else None) or 0
-            if value <= 0 or max(row.env_frames for row in rows) > LONGEST_FRAMES * 1.05:
-                continue
-            if most(rows, "beats_in_score") and np.mean([row.scores.mean() for row in rows]) >= value:
-                found.setdefault(scenario, []).append(algo)
-    return found
-
-
-def weakest_table(published: dict[str, dict]) -> Table:
-    """Random play and the scripted team in the reference variants, beside the lowest score that the paper prints, in one unit."""
-    table = Table(["scenario", "random play", "the paper's lowest", "scripted team", "episodes"], [])
-    for name, entry in measured_references(reference_file()).items():
-        scenario = name.removesuffix(REFERENCE)
-        if scenario != name and scenario in published:
-            played = [f"{rounded(entry[one], 4)} ± {rounded(entry[one + '_half_width'], 2)}" for one in ("random", "scripted")]
-            table.rows.append([scenario, played[0], rounded(min(published[scenario]["printed"]), 4), played[1], str(entry["episodes"])])
+        known, reference = kept.random_play.get(scenario), study.references.get(scenario)
+        table.rows.append(
+            [scenario.replace("_", " "), "" if known is None else rounded(float(known.mean()), 3)]
+            + [cell_text(kept.cells.get((scenario, algo), []), reference) for algo in ALGORITHMS]
+            + ["" if reference is None else rounded(reference.scripted, 3)]
+        )
     return table
 
 
-def curves_figure(study: Study, scenarios: list[str], random_play: dict):
+def aggregates_of(study: Study, kept: Kept) -> tuple[list[str], dict[str, list[np.ndarray]]]:
+    """Normalised J of each algorithm, [scenario] of [seeds] f64, over the scenarios that all algorithms have and a reference."""
+    common = [one for one in study.references if all((one, algo) in kept.cells for algo in ALGORITHMS)]
+    if not common:
+        return [], {}
+    value = lambda scenario, algo: study.references[scenario].normalised(means_of(kept.cells[scenario, algo]))
+    return common, {algo: [value(scenario, algo) for scenario in common] for algo in ALGORITHMS}
+
+
+def aggregates_figure(scores: dict[str, list[np.ndarray]]):
+    """Interquartile means of normalised J with stratified bootstrap intervals (Agarwal et al. 2021)."""
+    with plt.rc_context(STYLE | LARGER):
+        figure, axes = plt.subplots(figsize=(5.6, 2.4), layout="constrained")
+        for row, (algo, values) in enumerate(scores.items()):
+            mean, (low, high) = interquartile_mean(values), stratified_interval(interquartile_mean, values)
+            axes.plot([low, high], [row, row], color=COLORS[algo], linewidth=6, alpha=0.35, solid_capstyle="butt")
+            axes.plot([mean], [row], "|", color=COLORS[algo], markersize=12, markeredgewidth=2.4)
+        axes.set_yticks(range(len(scores)), scores)
+        axes.invert_yaxis()
+        axes.set_xlabel("interquartile mean of J (0: random play, 1: scripted team)")
+        return figure
+
+
+def curves_figure(study: Study, scenarios: list[str], random_play: dict[str, np.ndarray]):
     """J of training episodes over env frames, a panel a scenario: three to a row, as wide as a page."""
     with plt.rc_context(STYLE | LARGER):
         columns = min(3, len(scenarios))
@@ -204,12 +231,11 @@ def curves_figure(study: Study, scenarios: list[str], random_play: dict):
         for axes, scenario in zip(panels.flat, scenarios):
             for cell in study.cells_of(scenario):
                 color, style = colors[cell.label]
-                look = {"color": color, "scale": 1e6, "linestyle": style, "linewidth": 1.4}
-                lines = (draw_runs(axes, cell.drawn, cell.algo, metric=name, **look) for name in (SCORE, EVALUATION))
-                if line := next(filter(None, lines), None):
+                line = draw_runs(axes, cell.drawn, cell.algo, color=color, scale=1e6, linestyle=style, linewidth=1.4)
+                if line:
                     line.set_label(cell.algo)
-            random = float(random_play[scenario][0].mean()) if scenario in random_play else None
             reference = study.references.get(scenario)
+            random = float(random_play[scenario].mean()) if scenario in random_play else None
             draw_references(axes, random, reference.scripted if reference else None)
             axes.set_title(scenario.replace("_", " "))
             axes.margins(x=0.01)
@@ -225,6 +251,58 @@ def curves_figure(study: Study, scenarios: list[str], random_play: dict):
         return figure
 
 
+def paper_table(kept: Kept, published: dict[str, dict]) -> Table:
+    """Our runs of the reference variants beside the paper's scores, in the paper's units."""
+    table = Table(["scenario", "algorithm", "seeds", "env frames", "J", "paper, 100 M", "unit"], [], numbers_from=2)
+    for scenario, entry in published.items():
+        for algo in ALGORITHMS:
+            rows = kept.cells.get((scenario + REFERENCE, algo), [])
+            if not rows:
+                continue
+            means = means_of(rows) / entry["ours_in_one"]
+            low, high = student_interval(means)
+            printed = entry["printed"][ALGORITHMS.index(algo)] / entry["ours_in_one"]
+            frames = max(row.env_frames for row in rows)
+            score = with_interval(float(means.mean()), low, high)
+            table.rows.append(
+                [scenario.replace("_", " "), algo, str(len(rows)), millions(frames), score, rounded(printed), entry["unit"]]
+            )
+    return table
+
+
+def strongest(kept: Kept, scenario: str, family: tuple[str, ...]) -> list[Row]:
+    cells = [kept.cells[scenario, algo] for algo in family if (scenario, algo) in kept.cells]
+    return max(cells, key=lambda rows: means_of(rows).mean(), default=[])
+
+
+def finding(kept: Kept, claim: Claim, scenario: str) -> str | None:
+    """Whether a claim holds in one scenario: the strongest algorithm of each side, two-sided Welch test over seeds. None where a
+    side has no run."""
+    sides = [strongest(kept, scenario, family) for family in (claim.ahead, claim.behind)]
+    if not all(sides):
+        return None
+    numbers = ", ".join(f"{rows[0].run.algo} {rounded(float(means_of(rows).mean()), 3)}" for rows in sides)
+    seeds = min(len(rows) for rows in sides)
+    if seeds < 2:
+        return f"{scenario.replace('_', ' ')}: undecided ({numbers}; a single seed)"
+    ahead, behind = map(means_of, sides)
+    p = 2 * min(welch(ahead, behind), welch(behind, ahead))
+    verdict = "undecided" if p >= ALPHA_FINDING else "holds" if ahead.mean() > behind.mean() else "the reverse"
+    return f"{scenario.replace('_', ' ')}: {verdict} ({numbers}; p = {min(p, 1.0):.2g}, {seeds} seeds)"
+
+
+def findings_lines(kept: Kept) -> list[str]:
+    lines = []
+    for claim in CLAIMS:
+        for rules, ending in (("default rules", ""), ("reference rules", REFERENCE)):
+            found = [finding(kept, claim, scenario + ending) for scenario in claim.scenarios]
+            known = [words.replace(REFERENCE, "") for words in found if words]
+            if missing := len(found) - len(known):
+                known.append(f"{missing} of {len(found)} not run" if known else "not run")
+            lines.append(f"* The paper: {claim.words}. With {rules}: {'; '.join(known)}.")
+    return lines
+
+
 def p_text(p: float) -> str:
     return "" if math.isnan(p) else "<1e-9" if p < 1e-9 else f"{p:.2g}"
 
@@ -234,9 +312,10 @@ def score_text(scores: np.ndarray) -> str:
     return f"{rounded(float(scores.mean()))} ± {rounded(float(half), 2)}"
 
 
-def save_picture(figure, path: pathlib.Path) -> None:
+def save_picture(figure, path: pathlib.Path) -> pathlib.Path:
     figure.savefig(path, dpi=120, metadata={"Software": None})
     plt.close(figure)
+    return path
 
 
 def machine_of(row: Row) -> str:
@@ -244,17 +323,36 @@ def machine_of(row: Row) -> str:
     return processor + " with a GPU" * (bool(processor) and str(row.run.settings.get("device", "")).startswith("cuda"))
 
 
+def joined(words) -> str:
+    return ", ".join(words) if words else "none"
+
+
 def origin_of(rows: list[Row]) -> str:
-    """When, by which program and where."""
+    """When and where."""
     dates = sorted(str(row.result.get("date", ""))[:10] for row in rows)
-    commits = sorted({str(row.result.get("commit", ""))[:7] for row in rows} - {""})
     machines = sorted({machine_of(row) for row in rows} - {""})
-    return (f"{dates[0]} to {dates[-1]}; " if rows else "") + f"commits {joined(commits)}; {joined(machines)}"
+    return (f"{dates[0]} to {dates[-1]}; " if rows else "") + joined(machines)
 
 
-def scenario_section(scenario: str, rows: list[Row], known: tuple | None, tests: int, command: str) -> str:
+def each_run(kept: Kept) -> str:
+    """Every kept run as CSV."""
+    head = "run,scenario,algorithm,seed,env_frames,minutes,J,J_ci95,J_greedy,return,p,date,commit,machine,checkpoint_hash,stale"
+    rows = []
+    for row in sorted(kept.rows, key=lambda row: (row.run.scenario, ALGORITHMS.index(row.run.algo), row.run.seed)):
+        of = row.result.get
+        rows.append(
+            [row.run.name, row.run.scenario, row.run.algo, row.run.seed, f"{row.env_frames:.0f}"]
+            + [rounded(float(of("train_s") or math.nan) / 60, 3), rounded(row.mean), rounded(float(of("J_ci95") or 0), 3)]
+            + ["" if of("J_mean_greedy") is None else rounded(of("J_mean_greedy")), rounded(float(row.returns.mean()))]
+            + [p_text(row.p_score), str(of("date", ""))[:10], str(of("commit", ""))[:7], machine_of(row)]
+            + [of("checkpoint_hash", ""), row.stale]
+        )
+    return as_csv(head.split(","), rows)
+
+
+def scenario_section(scenario: str, rows: list[Row], random: np.ndarray | None, tests: int, command: str) -> str:
     """What one scenario's page says of its kept runs."""
-    table = Table(["algorithm", "seed", "env frames", "precision", "J", "p", "return", "p", "minutes", ""], [])
+    table = Table(["algorithm", "seed", "env frames", "precision", "J", "p", "minutes", ""], [])
     for row in rows:
         table.rows.append(
             [
@@ -264,20 +362,18 @@ def scenario_section(scenario: str, rows: list[Row], known: tuple | None, tests:
                 str(row.run.settings.get("precision", "")),
                 score_text(row.scores),
                 p_text(row.p_score),
-                rounded(float(row.returns.mean()), 3),
-                p_text(row.p_return),
                 rounded(float(row.result.get("train_s") or math.nan) / 60, 2),
-                "learned" if row.beats_in_score else "learned, by its return" if row.beats_in_return else "not learned",
+                "learned" if row.beats_random else "not learned",
             ]
         )
-    random = (
-        f"Random play: J {score_text(known[0])}, return {rounded(float(known[1].mean()), 3)}. "
-        f"p: one-sided Welch test against it over episodes, after Holm's correction over all {tests} tests of the kept runs."
-        if known
-        else "Random play was not measured."
+    words = (
+        "Random play was not measured."
+        if random is None
+        else f"Random play: J {score_text(random)}. p: one-sided Welch test against it over episodes, after Holm's correction over "
+        f"all {tests} kept runs."
     )
     return (
-        f"## What was shown to learn\n\nWritten by `{command}`; {origin_of(rows)}. {random}\n\n{as_markdown(table)}\n"
+        f"## What was shown to learn\n\nWritten by `{command}`; {origin_of(rows)}. {words}\n\n{as_markdown(table)}\n"
         f"![Learning curves of the kept runs]({PICTURE})\n"
     )
 
@@ -298,113 +394,88 @@ def scenario_pages(study: Study, kept: Kept, pages: pathlib.Path, command: str) 
 
     Returns what was written. Raises OSError, and ValueError for a page with one mark.
     """
-    rows, random_play, _ = kept
-    tests = tests_of(rows)
     texts = {}
-    for scenario in sorted({row.run.scenario for row in rows}):
+    for scenario in sorted({row.run.scenario for row in kept.rows}):
         page = pages / scenario / "README.md"
         if not page.is_file():
             continue
-        own = [row for row in rows if row.run.scenario == scenario]
+        own = [row for row in kept.rows if row.run.scenario == scenario]
         own.sort(key=lambda row: (ALGORITHMS.index(row.run.algo), row.run.seed))
         try:
-            section = scenario_section(scenario, own, random_play.get(scenario), tests, command)
+            section = scenario_section(scenario, own, kept.random_play.get(scenario), kept.tests, command)
             texts[scenario] = with_section(page.read_text(encoding="utf-8"), section)
         except ValueError as error:
             raise ValueError(f"{page} {error}") from error
     written = []
     for scenario, text in texts.items():
-        save_picture(curves_figure(study, [scenario], random_play), pages / scenario / PICTURE)
+        written.append(save_picture(curves_figure(study, [scenario], kept.random_play), pages / scenario / PICTURE))
         (pages / scenario / "README.md").write_text(text, encoding="utf-8")
-        written += [pages / scenario / "README.md", pages / scenario / PICTURE]
+        written.append(pages / scenario / "README.md")
     return written
 
 
-def joined(words) -> str:
-    return ", ".join(words) if words else "none"
-
-
 def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.Path, command: str) -> list[pathlib.Path]:
-    """Writes the page and, beside the kept results, its picture. Returns what was written. Raises OSError."""
-    rows, random_play, problems = kept
+    """Writes the page and, beside the kept results, its pictures and runs.csv. Returns what was written. Raises OSError."""
     published = published_table(pathlib.Path(__file__).with_name("published.toml"))[1]
-    played = {row.run.scenario for row in rows}
-    scenarios = [name for known in published for name in (known, known + REFERENCE) if name == known or name in played]
-    scenarios += sorted(played - set(scenarios))
-    cells = cells_of(rows)
-    learns = {
-        (scenario, algo)
-        for (scenario, algo), found in cells.items()
-        if most(found, "beats_in_score") or most(found, "beats_in_return")
-    }
-    paper = reached(scenarios, cells, published)
-    by_algo = {algo: [s for s in scenarios if (s, algo) in learns] for algo in ALGORITHMS}
-
-    matrix = Table(["scenario", "random play", *ALGORITHMS], [])
-    for scenario in scenarios:
-        known = random_play.get(scenario)
-        matrix.rows.append(
-            [scenario, rounded(float(known[0].mean()), 3) if known else ""]
-            + [cell_text(cells.get((scenario, algo), [])) for algo in ALGORITHMS]
-        )
-    details = Table(
-        ["run", "env frames", "J", "p", "return", "random's return", "p", "paper's J at 100 M", "minutes", "stale"], []
-    )
-    for row in sorted(rows, key=lambda row: (scenarios.index(row.run.scenario), ALGORITHMS.index(row.run.algo), row.run.seed)):
-        known = random_play.get(row.run.scenario)
-        printed = printed_for(row.run, published)
-        details.rows.append(
-            [
-                row.run.name,
-                millions(row.env_frames),
-                score_text(row.scores),
-                p_text(row.p_score),
-                rounded(float(row.returns.mean()), 3),
-                rounded(float(known[1].mean()), 3) if known else "",
-                p_text(row.p_return),
-                "" if printed is None else rounded(printed),
-                rounded(float(row.result.get("train_s") or math.nan) / 60, 2),
-                row.stale,
-            ]
-        )
-
-    picture = folder / PICTURE
-    shown = [scenario for scenario in scenarios if any(row.run.scenario == scenario for row in rows)]
-    figure = curves_figure(study, shown, random_play) if shown else None
-    if figure is not None:
-        save_picture(figure, picture)
-    missing = [f"{algo} on {s}" for s in scenarios for algo in ALGORITHMS if (s, algo) not in cells]
+    others = {row.run.scenario for row in kept.rows if not row.run.scenario.endswith(REFERENCE)} - set(published)
+    scenarios = [*published, *sorted(others)]
+    cells = [(scenario, algo) for scenario in scenarios for algo in ALGORITHMS]
+    run = [one for one in cells if one in kept.cells]
+    link = lambda name: os.path.relpath(folder / name, page.parent)
+    seeds = [len(kept.cells[one]) for one in run]
     lines = [
-        "# Results: what was shown to learn",
+        "# Results",
         "",
-        f"Written by `{command}`; no number is typed by hand. {len(rows)} runs of {len(cells)} of "
-        f"{len(scenarios) * len(ALGORITHMS)} pairs of scenario and algorithm; {origin_of(rows)}.",
+        f"Written by `{command}`; {origin_of(kept.rows)}. {len(run)} of {len(cells)} cells have runs, "
+        f"{sum(count >= 3 for count in seeds)} of them three seeds or more. [{EACH_RUN}]({link(EACH_RUN)}) has each run with its "
+        "commit, machine, minutes and checkpoint's hash.",
         "",
-        "J is the mean over 100 fresh episodes with drawn actions unless a run's evaluation says otherwise. **Bold**: beats random play in "
-        "J; *italic*: in the return alone (one-sided Welch test over episodes, p < 0.01 after Holm's correction over all "
-        f"{tests_of(rows)} tests of this page), in most of a cell's seeds, whose number stands in "
-        "brackets. An empty cell was not run. †: recipe or map have changed since; the last table says what.",
+        "J is the mean over 100 fresh episodes with drawn actions, then over seeds, ± half of its 95 % interval over seeds (Student t; "
+        "none for a single seed). **Bold**: most of the cell's runs beat random play (one-sided Welch test over episodes, p < "
+        f"{ALPHA} after Holm's correction over {kept.tests} runs). Beneath: where J lies between random play (0 %) and the scripted "
+        "team (100 %). An empty cell was not run. †: its recipe, map or scenario's version has changed since.",
         "",
-        as_markdown(matrix),
-        f"* Scenarios that at least one algorithm learns: {sum(any((s, a) in learns for a in ALGORITHMS) for s in scenarios)} "
-        f"of {len(scenarios)}. Not yet: {joined([s for s in scenarios if not any((s, a) in learns for a in ALGORITHMS)])}.",
-        "* Scenarios that each algorithm learns: " + ", ".join(f"{algo} {len(by_algo[algo])}" for algo in ALGORITHMS) + ".",
-        "* What the paper prints for the same algorithm at 100 M env frames is reached within 20 M, in the game that its runs "
-        f"played (`--variant reference`), on {plural(len(paper), 'scenario')}: " + (joined([f"{s} ({joined(algos)})" for s, algos in paper.items()])) + ".",
-        "",
+        as_markdown(score_table(study, kept, scenarios)),
     ]
-    if figure is not None:
+    written = [page, folder / EACH_RUN]
+    common, scores = aggregates_of(study, kept)
+    if common:
+        written.append(save_picture(aggregates_figure(scores), folder / AGGREGATES))
         lines += [
-            f"![Learning curves]({os.path.relpath(picture, page.parent)})",
+            "## All algorithms together",
+            "",
+            f"![Interquartile means]({link(AGGREGATES)})",
+            "",
+            f"Over the {len(common)} scenarios where every algorithm has runs ({joined(common).replace('_', ' ')}), with stratified "
+            "bootstrap intervals over seeds (Agarwal et al. 2021).",
+            "",
+        ]
+    shown = [scenario for scenario in scenarios if any(row.run.scenario == scenario for row in kept.rows)]
+    if shown:
+        written.append(save_picture(curves_figure(study, shown, kept.random_play), folder / PICTURE))
+        lines += [
+            "## Learning curves",
+            "",
+            f"![Learning curves]({link(PICTURE)})",
             "",
             "Thick: the mean over seeds; thin: single seeds. A scripted team whose score is beyond a panel is named at its edge.",
             "",
         ]
-    lines += ["## Each run", "", as_markdown(details)]
-    lines += ["## Random play in the game of the paper's runs", "", as_markdown(weakest_table(published))]
-    if problems or study.left_out:
-        lines += ["## Left out", ""] + [f"* {one}" for one in problems] + [f"* {n}: {why}" for n, why in study.left_out]
-        lines.append("")
-    lines += ["## Not run", "", (joined(missing) if missing else "Every pair was run.") , ""]
+    beside = paper_table(kept, published)
+    if beside.rows:
+        lines += [
+            "## Beside the paper",
+            "",
+            "In the game that the paper's runs played (`--variant reference`), in its units.",
+            "",
+            as_markdown(beside),
+        ]
+    lines += ["## Findings", "", f"The strongest algorithm of each side is compared over seeds (Welch, p < {ALPHA_FINDING}).", ""]
+    lines += findings_lines(kept) + [""]
+    names = {row.run.name for row in kept.rows}
+    problems = kept.problems + [f"{name}: {why}" for name, why in study.left_out if name not in names]
+    if problems:
+        lines += ["## Left out", ""] + [f"* {one}" for one in problems] + [""]
     page.write_text("\n".join(lines), encoding="utf-8")
-    return [page] + ([picture] if figure is not None else [])
+    (folder / EACH_RUN).write_text(each_run(kept), encoding="utf-8")
+    return written

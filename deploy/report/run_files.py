@@ -16,6 +16,7 @@ import numpy as np
 from report_lines import LINE_BYTES_MAX, number, one_line, parse_json, read_reports, read_settings, read_text
 
 SCORE = "policy_stats/avg_true_objective"
+CURVE, RESULT = "curve.csv", "result.json"  # of a kept result
 
 ON_POLICY = ("ippo", "mappo", "happo")
 OFF_POLICY = ("idqn", "vdn", "qmix", "qplex_d", "qplex_q")
@@ -51,7 +52,7 @@ NOT_LEARNED = frozenset(
 class Metrics:
     """The reports of a run, rising in env frames.
 
-    env_frames, time_s   [R] f64  agents x tics that were learned from; seconds of training
+    env_frames, time_s   [R] f64  agents x tics that were learned from; seconds of training, NaN of a kept result
     values               name -> [R] f64, NaN where a report lacks the name or holds null
     damaged_lines        lines that were no report
     """
@@ -70,9 +71,9 @@ class Metrics:
 
     def series(self, name: str, over: str = "env_frames") -> tuple[np.ndarray, np.ndarray]:
         """x and y of the reports that have `name`; `over` is env_frames or time_s."""
-        y = self.column(name)
-        there = np.isfinite(y)
-        return getattr(self, over)[there], y[there]
+        x, y = getattr(self, over), self.column(name)
+        there = np.isfinite(x) & np.isfinite(y)
+        return x[there], y[there]
 
 
 @dataclasses.dataclass
@@ -177,8 +178,34 @@ def read_metrics(path: pathlib.Path) -> Metrics:
     )
 
 
+def read_curve(path: pathlib.Path) -> Metrics:
+    """curve.csv of a kept result (deploy/sweep/sweep_results.h): J over env frames; time_s is NaN. Raises OSError, ValueError."""
+    head, *lines = read_text(path).splitlines() or [""]
+    if head != "env_frames,J":
+        raise ValueError(f"{path.name}: its first line is not env_frames,J")
+    points = np.array([line.split(",") for line in lines], dtype=float).reshape(-1, 2)  # ValueError names what is no number
+    rises = np.diff(points[:, 0], prepend=-math.inf) > 0
+    if not (np.isfinite(points).all() and rises.all()):
+        raise ValueError(f"{path.name}: a point is not finite, or env_frames do not rise")
+    return Metrics(points[:, 0], np.full(len(points), np.nan), {SCORE: points[:, 1]})
+
+
+def read_kept(folder: pathlib.Path) -> Run:
+    """A kept result. Raises ValueError with a sentence."""
+    settings = {"scenario_version": 1} | read_settings(folder)
+    try:
+        result, metrics = parse_json(read_text(folder / RESULT)), read_curve(folder / CURVE)
+    except OSError as error:
+        raise ValueError(one_line(str(error))) from error
+    if not isinstance(result, dict):
+        raise ValueError(f"{RESULT} holds no object")
+    return Run(folder, settings, metrics, {"state": "finished", "env_frames": number(result.get("env_frames"))})
+
+
 def read_run(folder: pathlib.Path) -> Run:
     """Raises ValueError with a sentence for a folder that cannot be used as a run."""
+    if (folder / CURVE).is_file():
+        return read_kept(folder)
     settings = {"scenario_version": 1} | read_settings(folder)  # older runs do not say one
     problems = []
     try:
@@ -227,6 +254,14 @@ def find_runs(folder: pathlib.Path) -> tuple[list[Run], list[tuple[str, str]]]:
     return runs, left_out
 
 
+def episode_values(answer: dict, name: str) -> np.ndarray:
+    """J or return of each episode, [E] f64: from an answer of `comrad eval --each`, or from a kept result's array."""
+    each, kept = answer.get("each"), answer.get(name)
+    if isinstance(each, list):
+        return np.array([number(one.get(name)) if isinstance(one, dict) else math.nan for one in each], dtype=float)
+    return np.array([number(value) for value in kept], dtype=float) if isinstance(kept, list) else np.empty(0)
+
+
 def read_evaluation(path: pathlib.Path) -> list[Evaluation]:
     """A file with one answer of `comrad eval --json` in each line, or one list of them.
 
@@ -248,12 +283,7 @@ def read_evaluation(path: pathlib.Path) -> list[Evaluation]:
         mean, episodes = number(answer.get("J_mean")), number(answer.get("episodes"))
         if not (isinstance(policy, str) and isinstance(scenario, str) and math.isfinite(mean) and episodes >= 1):
             raise ValueError("policy, scenario, episodes or J_mean is missing: it is no answer of `comrad eval --json`")
-        each = answer.get("each")
-        scores = (
-            [number(one.get("J")) if isinstance(one, dict) else math.nan for one in each]
-            if isinstance(each, list)
-            else []
-        )
+        scores = episode_values(answer, "J")
         found.append(
             Evaluation(
                 file=path,
@@ -266,7 +296,7 @@ def read_evaluation(path: pathlib.Path) -> list[Evaluation]:
                 half_width=number(answer.get("J_ci95")),
                 ceiling=number(answer.get("ceiling")),
                 greedy=answer.get("greedy") is True,
-                scores=np.array(scores, dtype=float) if np.isfinite(scores).all() else np.empty(0),
+                scores=scores if np.isfinite(scores).all() else np.empty(0),
             )
         )
     return found
@@ -278,9 +308,11 @@ def evaluation_files(folder: pathlib.Path, ending: str) -> list[pathlib.Path]:
 
 
 def find_evaluations(folder: pathlib.Path) -> tuple[list[Evaluation], list[tuple[str, str]]]:
-    """Reads eval/*.json below `folder` and below each run in it, and the files that cannot be read, with the reason."""
+    """Reads eval/*.json below `folder` and below each run in it, and kept results; also the files that cannot be read, with
+    the reason."""
     found, left_out = [], []
-    for path in evaluation_files(folder, "json"):
+    kept = sorted(path for pattern in (f"*/{RESULT}", "random_*.json") for path in folder.glob(pattern))
+    for path in evaluation_files(folder, "json") + kept:
         try:
             found += read_evaluation(path)
         except (OSError, ValueError) as error:

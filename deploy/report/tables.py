@@ -67,7 +67,7 @@ def as_html(table: Table) -> str:
 
 
 def as_markdown(table: Table) -> str:
-    escape = lambda text: text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")
+    escape = lambda text: text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;").replace("&lt;br>", "<br>")
     align = ["---" if at < table.numbers_from else "---:" for at in range(len(table.head))]
     lines = [table.head, align] + [[escape(text) for text in row] for row in table.rows]
     note = f"\n{table.note}\n" if table.note else ""

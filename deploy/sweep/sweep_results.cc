@@ -26,27 +26,9 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-constexpr std::size_t kRowsMax = 200;
+constexpr std::size_t kCurvePointsMax = 60;
 constexpr double kEvaluationTimeoutS = 4 * 3600;
-
-/// What curves, tables and the question why nothing was learned need of a report.
-constexpr std::array<std::string_view, 41> kNamesKept = {
-    "time_s", "env_frames", "decisions",
-    // play
-    "policy_stats/avg_true_objective", "policy_stats/avg_true_objective_share", "reward/reward", "len/len",
-    "stats/rewarded_episodes_fraction", "stats/episodes", "perf/_fps", "perf/decisions_per_s",
-    "stats/learner_busy_fraction",
-    // every algorithm
-    "train/loss", "train/actual_lr", "train/grad_norm", "train/version_diff_avg", "train/num_sgd_steps",
-    "train/skipped_sgd_steps", "train/adam_gain_encoder", "train/adam_gain_core", "train/adam_gain_heads",
-    // on-policy
-    "train/policy_loss", "train/value_loss", "train/exploration_loss", "train/entropy",
-    "train/explained_variance", "train/kl_divergence", "train/fraction_clipped",
-    "train/fraction_clipped_first", "train/value_clip_fraction", "happo/factor_m_mean",
-    // Q-learning
-    "train/q_tot_mean", "train/target_q_tot_mean", "train/td_error_mean", "train/dqn_q_mean",
-    "train/dqn_td_error_mean", "train/q_std_across_actions", "train/epsilon",
-    "train/targets_clipped_fraction", "train/rewards_clipped_fraction", "train/buffer_transitions"};
+constexpr const char* kScore = "policy_stats/avg_true_objective";
 
 /// Settings of the subject `run` and these follow from the machine, or say where and how long; what is learned does not
 /// hang on them.
@@ -85,8 +67,16 @@ std::optional<ordered_json> object_in(const std::string& path) {
   return object;
 }
 
-std::string dumped(const ordered_json& json, int indent) {
-  return json.dump(indent, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+std::string text_of(const ordered_json& json) {
+  return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+}
+
+/// A JSON object with one member a line, arrays of episodes included.
+std::string lines_of(const ordered_json& object) {
+  std::string text;
+  for (const auto& [name, value] : object.items())
+    text += (text.empty() ? "{\n  " : ",\n  ") + text_of(name) + ": " + text_of(value);
+  return text + "\n}\n";
 }
 
 double number_in(const ordered_json& object, const char* key, double fallback) {
@@ -98,8 +88,9 @@ std::string result_path(const SweepResults& results, const std::string& run) {
   return results.folder + "/" + run + "/result.json";
 }
 
-/// `comrad eval` of a player, with what does not fit into a repository left out. `more` are flags for one that is no run.
-Expected<ordered_json> evaluate(const SweepResults& results, const std::string& player,
+/// `comrad eval` of a player; J and return of each episode are arrays of one member each. `more` are flags for a player
+/// that is not a run.
+Expected<ordered_json> evaluate(const SweepResults& results, const std::string& player, bool greedy,
                                 const std::string& comrad, const std::vector<std::string>& more = {}) {
   std::vector<std::string> words = {comrad,       "eval",
                                     "--policy",   player,
@@ -107,7 +98,7 @@ Expected<ordered_json> evaluate(const SweepResults& results, const std::string& 
                                     "--seed",     std::to_string(results.seed),
                                     "--json"};
   words.insert(words.end(), more.begin(), more.end());
-  if (!results.greedy) words.push_back("--stochastic");
+  if (!greedy) words.push_back("--stochastic");
   COMRAD_TRY_ASSIGN(const ProgramResult played, run_program(words, {.timeout_s = kEvaluationTimeoutS}));
   if (played.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
   if (played.exit_code != 0)
@@ -119,46 +110,54 @@ Expected<ordered_json> evaluate(const SweepResults& results, const std::string& 
     return Error{ErrorCode::kBadFormat, "the evaluation printed no object with J_mean and each"};
   answer["policy"] = fs::path(player).filename().string();
   answer.erase("checkpoint");
-  ordered_json episodes = ordered_json::array();
-  for (const ordered_json& one : answer["each"])
-    episodes.push_back({{"J", rounded(one.value("J", ordered_json()))},
-                        {"return", rounded(one.value("return", ordered_json()))}});
-  answer["each"] = std::move(episodes);
+  ordered_json scores = ordered_json::array(), returns = ordered_json::array();
+  for (const ordered_json& one : answer["each"]) {
+    scores.push_back(rounded(one.value("J", ordered_json())));
+    returns.push_back(rounded(one.value("return", ordered_json())));
+  }
+  answer.erase("each");
+  answer["J"] = std::move(scores);
+  answer["return"] = std::move(returns);
   return answer;
 }
 
 /// Random play on the map of a run's evaluation by its team, once for each scenario. Runs on other pools have none: their
 /// maps are many.
 Status keep_random_play(const SweepResults& results, const RunConfig& config, const std::string& comrad) {
-  const std::string path = results.folder + "/eval/random_" + scenario_file_name(config) + ".json";
+  const std::string path = results.folder + "/random_" + scenario_file_name(config) + ".json";
   std::error_code ignored;
   if (!is_evaluated_on_one_map(config) || fs::exists(path, ignored)) return {};
   COMRAD_TRY_ASSIGN(const ordered_json answer,
-                    evaluate(results, "random", comrad,
+                    evaluate(results, "random", results.greedy, comrad,
                              {"--scenario=" + config.run.scenario,
                               "--num_agents=" + std::to_string(config.environment.num_agents),
                               "--layout_seed=" + std::to_string(config.environment.layout_seed)}));
-  return write_file_atomically(path, dumped(answer, -1), /*durable=*/true);
+  return write_file_atomically(path, lines_of(answer), /*durable=*/true);
 }
 
 }  // namespace
 
-std::string thin_metrics(const std::string& text, std::size_t rows_max) {
-  std::vector<std::string> lines;
-  std::istringstream source(text);
+std::string curve_of(const std::string& metrics, std::size_t points_max) {
+  std::vector<std::pair<double, double>> points;  // env frames, J
+  std::istringstream source(metrics);
   for (std::string line; std::getline(source, line);) {
     const ordered_json report = ordered_json::parse(line, nullptr, false);
     if (!report.is_object()) continue;
-    ordered_json kept = ordered_json::object();
-    for (const auto& [name, value] : report.items())
-      if (std::ranges::find(kNamesKept, name) != kNamesKept.end()) kept[name] = rounded(value);
-    lines.push_back(dumped(kept, -1));
+    const double frames = number_in(report, "env_frames", std::nan("")),
+                 score = number_in(report, kScore, std::nan(""));
+    if (!std::isfinite(frames) || !std::isfinite(score)) continue;
+    while (!points.empty() && points.back().first >= frames) points.pop_back();  // forgotten by a resumed run
+    points.emplace_back(frames, score);
   }
-  std::string thin;
-  const std::size_t rows = std::min(rows_max, lines.size());
-  for (std::size_t row = 0; row < rows; ++row)
-    thin += lines[rows < 2 ? lines.size() - 1 : row * (lines.size() - 1) / (rows - 1)];
-  return thin;
+  std::string curve = "env_frames,J\n";
+  const std::size_t kept = std::min(points_max, points.size());
+  for (std::size_t i = 0; i < kept; ++i) {
+    const auto& [frames, score] = points[kept < 2 ? points.size() - 1 : i * (points.size() - 1) / (kept - 1)];
+    char line[64];
+    std::snprintf(line, sizeof line, "%.0f,%.5g\n", frames, score);
+    curve += line;
+  }
+  return curve;
 }
 
 double trained_s(const std::string& metrics) {
@@ -204,13 +203,12 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
   const std::optional<ordered_json> status = object_in(run_dir + "/status.json");
   if (!metrics || !status)
     return Error{ErrorCode::kBadFormat, run_dir + " has no metrics.jsonl or no status.json that can be read"};
-  COMRAD_TRY_ASSIGN(const ordered_json evaluation, evaluate(results, run_dir, comrad));
+  COMRAD_TRY_ASSIGN(const ordered_json evaluation, evaluate(results, run_dir, results.greedy, comrad));
+  COMRAD_TRY_ASSIGN(const ordered_json other, evaluate(results, run_dir, !results.greedy, comrad));
 
   std::error_code failed;
-  for (const std::string& made : {target, results.folder + "/eval"}) {
-    fs::create_directories(made, failed);
-    if (failed) return file_error("cannot make " + made, failed.value());
-  }
+  fs::create_directories(target, failed);
+  if (failed) return file_error("cannot make " + target, failed.value());
   COMRAD_TRY(keep_random_play(results, config, comrad));
   config.run.train_dir = RunConfig().run.train_dir;
   config.environment.wad.clear();
@@ -227,23 +225,19 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
       {"train_for_env_frames", run.goal_env_frames},
       {"env_frames", number_in(*status, "env_frames", 0)},
       {"train_s", rounded(std::max(trained_s(*metrics), number_in(*status, "elapsed_s", 0)))},
-      {"episodes", evaluation.value("episodes", ordered_json(0))},
-      {"J_mean", evaluation.value("J_mean", ordered_json())},
-      {"J_ci95", evaluation.value("J_ci95", ordered_json())},
-      {"return_mean", evaluation.value("return_mean", ordered_json())},
-      {"map_hashes", evaluation.value("map_hashes", ordered_json::object())},
       {"command", command},
       {"commit", machine.commit},
       {"date", utc_text(wall_s())},
       {"processor", machine.processor},
       {"cores", machine.cores},
-      {"stale", ""}};
+      {"stale", ""},
+      {results.greedy ? "J_mean_stochastic" : "J_mean_greedy", other["J_mean"]},
+      {results.greedy ? "J_ci95_stochastic" : "J_ci95_greedy", other.value("J_ci95", ordered_json())}};
+  for (const auto& [name, value] : evaluation.items())
+    if (!result.contains(name)) result[name] = value;
   COMRAD_TRY(write_file_atomically(target + "/config.toml", changed_settings_to_toml(config), true));
-  COMRAD_TRY(write_file_atomically(target + "/metrics.jsonl", thin_metrics(*metrics, kRowsMax), true));
-  COMRAD_TRY(write_file_atomically(target + "/status.json", dumped(*status, 2), true));
-  COMRAD_TRY(
-      write_file_atomically(results.folder + "/eval/" + run.name + ".json", dumped(evaluation, -1), true));
-  return write_file_atomically(target + "/result.json", dumped(result, 2), true);
+  COMRAD_TRY(write_file_atomically(target + "/curve.csv", curve_of(*metrics, kCurvePointsMax), true));
+  return write_file_atomically(target + "/result.json", lines_of(result), true);
 }
 
 Expected<int> note_stale_results(
@@ -273,7 +267,7 @@ Expected<int> note_stale_results(
     stale_count += !stale.empty();
     if (result->value("stale", std::string()) == stale) continue;
     (*result)["stale"] = stale;
-    COMRAD_TRY(write_file_atomically(result_path(results, run.name), dumped(*result, 2), true));
+    COMRAD_TRY(write_file_atomically(result_path(results, run.name), lines_of(*result), true));
   }
   return stale_count;
 }

@@ -2,12 +2,11 @@
 // the run again, and `comrad report FOLDER` reads them as it reads runs.
 //
 //   <folder>/<run>/config.toml      its settings that differ from the built-in ones; where it lay is left out
-//   <folder>/<run>/metrics.jsonl    its reports, thinned: at most 200 rows, the names that curves and diagnoses need
-//   <folder>/<run>/status.json      how it ended
-//   <folder>/<run>/result.json      goal, command, commit, machine, date, hashes of the maps, mean score and return; what has
+//   <folder>/<run>/curve.csv         J of training episodes over env frames, at most 60 points
+//   <folder>/<run>/result.json      goal, command, commit, machine, date; the evaluation with J and return of every episode; mean
+//                                   J of the same episodes played greedily (or drawn, where the evaluation is greedy); what has
 //                                   changed since
-//   <folder>/eval/<run>.json        the evaluation: score and return of every episode
-//   <folder>/eval/random_<scenario>.json   the same of random play
+//   <folder>/random_<scenario>.json  the evaluation of random play
 //
 // config.toml says nothing of a built-in value that no layer of the run sets; a later change of one makes no result stale.
 // result.json is written last, so what it names is there. Stage: after a run.
@@ -39,9 +38,9 @@ std::optional<KeptResult> read_result(const SweepResults& results, const std::st
 /// last words, kNoSpace, kSystem; kBadFormat where the run's own files cannot be read.
 Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::string& comrad);
 
-/// Reports of a metrics.jsonl, at most `rows_max` of them, the first and the last among them, evenly spread; every number
-/// with five digits; the names that results keep. Lines that are no objects are left out. Pure.
-std::string thin_metrics(const std::string& text, std::size_t rows_max);
+/// J over env frames of a metrics.jsonl as CSV with a head: at most `points_max` points, the first and the last among them,
+/// evenly spread, J with five digits. Lines without both are left out. Pure.
+std::string curve_of(const std::string& metrics, std::size_t points_max);
 
 /// Seconds of training that a metrics.jsonl tells of, over all starts of the run (status.json counts from the last one); 0
 /// where it tells of none.

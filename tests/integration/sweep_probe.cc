@@ -2,7 +2,8 @@
 //
 //   sweep_probe start FILE           `comrad sweep FILE`, with one scenario that needs no programs
 //   sweep_probe sweep element ...    an attempt, as the backends start it
-//   sweep_probe eval --policy RUN_DIR ...   what keeps a result asks for: two episodes that scored 1 and 3
+//   sweep_probe eval --policy RUN_DIR ...   what keeps a result asks for: two episodes that scored 1 and 3;
+//                                        a mean of 4 where it is greedy
 //   sweep_probe train --train_dir D --experiment R --seed S --train_for_env_frames N ...
 //
 // The last stands in for `comrad train`: it holds the run directory's lock, counts 100 env frames every 20 ms from where it
@@ -17,6 +18,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -158,9 +160,10 @@ int train(const std::vector<std::string>& words) {
     (void)write_file_atomically(run_dir + "/checkpoint/checkpoint_" + frames + "_" + frames + ".pt",
                                 (lineage.empty() ? "" : lineage + ",") + run, false);
   }
-  (void)write_file_atomically(
-      run_dir + "/metrics.jsonl",
-      "{\"time_s\": 1.5, \"env_frames\": 100, \"train/loss\": 0.123456789, \"perf/other\": 1}\n", false);
+  (void)write_file_atomically(run_dir + "/metrics.jsonl",
+                              "{\"time_s\": 1.5, \"env_frames\": 100, \"policy_stats/avg_true_objective\": "
+                              "0.123456789, \"perf/other\": 1}\n",
+                              false);
   if (!write_status(run_dir, status)) return 1;
   note("ends " + status.state + " " + std::to_string(status.env_frames));
   return 0;
@@ -180,10 +183,11 @@ int main(int argc, char** argv) {
   }
   if (!words.empty() && words[0] == "train") return train(words);
   if (words.size() >= 3 && words[0] == "eval") {
-    std::printf(R"({"policy": "%s", "scenario": "field", "episodes": 2, "J_mean": 2.0, "return_mean": 0.5,
+    const bool greedy = std::ranges::find(words, "--stochastic") == words.end();
+    std::printf(R"({"policy": "%s", "scenario": "field", "episodes": 2, "J_mean": %s, "return_mean": 0.5,
                     "checkpoint": "/somewhere", "map_hashes": {"seed 42": "xxh3:1"},
                     "each": [{"J": 1.0, "return": 0.25, "length_tics": 9}, {"J": 3.000001, "return": 0.75}]})",
-                words[2].c_str());
+                words[2].c_str(), greedy ? "4.0" : "2.0");
     return words[2].find("seed5") != std::string::npos ? 1 : 0;
   }
   return 2;

@@ -784,17 +784,22 @@ class TheCommand(WithFolder):
 class ResultsPage(WithFolder):
     """A folder of kept results: tests over episodes, corrected, and what the page says of them."""
 
-    def keep(self, scenario, algo, seed, scores, returns=None, **result):
+    def keep(self, scenario, algo, seed, scores, **result):
         run = made_runs.write_run(self.folder, scenario, algo, seed, start=0, end=1, reports=5, frames=2e6)
-        goal = {"train_for_env_frames": 2e6, "env_frames": 2e6, "train_s": 120, "commit": "abcdef012", "stale": ""}
-        (run / "result.json").write_text(json.dumps(goal | {"processor": "a CPU", "date": "2026-01-02"} | result))
-        self.episodes(run.name, scores, returns)
+        for name in ("metrics.jsonl", "status.json"):
+            (run / name).unlink()
+        (run / "curve.csv").write_text("env_frames,J\n1000000,0.25\n2000000,0.5\n")
+        kept = {"train_for_env_frames": 2e6, "env_frames": 2e6, "train_s": 120, "commit": "abcdef012", "stale": ""}
+        kept |= {"processor": "a CPU", "date": "2026-01-02"} | self.evaluation(scenario, run.name, scores) | result
+        (run / "result.json").write_text(json.dumps(kept))
+        return run
 
-    def episodes(self, name, scores, returns=None):
-        (self.folder / "eval").mkdir(exist_ok=True)
-        each = [{"J": j, "return": r} for j, r in zip(scores, scores if returns is None else returns)]
-        answer = {"policy": name, "scenario": "x", "episodes": len(each), "J_mean": 0, "each": each}
-        (self.folder / "eval" / f"{name}.json").write_text(json.dumps(answer))
+    def evaluation(self, scenario, policy, scores):
+        answer = {"policy": policy, "scenario": scenario, "episodes": len(scores), "layout": "seed 42", "num_agents": 2}
+        return answer | {"J_mean": float(np.mean(scores)), "J": scores, "return": scores}
+
+    def random_play(self, scenario, scores):
+        (self.folder / f"random_{scenario}.json").write_text(json.dumps(self.evaluation(scenario, "random", scores)))
 
     def page(self) -> str:
         page = self.folder / "RESULTS.md"
@@ -821,37 +826,62 @@ class ResultsPage(WithFolder):
         self.assertEqual(results_page.welch(np.ones(3), np.zeros(3)), 0.0)
         self.assertEqual(results_page.welch(np.zeros(3), np.zeros(3)), 1.0)
 
-    def test_says_what_was_learned_and_what_was_not(self):
-        self.episodes("random_lava_pit", [0.0, 1.0] * 50)
-        self.episodes("random_stag_hunt_arena", [0.0, 1.0] * 50)
+    def test_scores_of_cells_and_what_cannot_be_used(self):
+        for scenario in ("lava_pit", "stag_hunt_arena"):
+            self.random_play(scenario, [0.0, 1.0] * 50)
         self.keep("lava_pit", "ippo", 7, [8.0, 9.0] * 50)
         self.keep("lava_pit", "ippo", 8, [9.0, 10.0] * 50)
-        self.keep("lava_pit", "vdn", 7, [0.0, 1.0] * 50, stale="gamma 0.9 -> 0.99")
-        self.keep("stag_hunt_arena", "mappo", 7, [0.0] * 100, returns=[200.0, 210.0] * 50)
-        self.keep("stag_hunt_arena", "ippo", 7, [0.0] * 100)
-        (self.folder / "eval" / "stag_hunt_arena_ippo_7.json").write_text("{")
+        self.keep("lava_pit", "vdn", 7, [0.0, 1.0] * 50, stale="gamma 0.9 -> 0.99", checkpoint_hash="xxh3:5")
+        self.keep("stag_hunt_arena", "mappo", 7, [0.0] * 100)
+        (self.keep("stag_hunt_arena", "ippo", 7, [0.0] * 100) / "result.json").write_text("{")
+        (self.keep("stag_hunt_arena", "happo", 7, [0.0] * 100) / "curve.csv").write_text("env_frames,J\n2,1\n1,1\n")
         page = self.page()
-        self.assertRegex(page, r"\| lava_pit \| 0.5 \| \*\*9\*\* \(2\) \|  \|  \|  \| 0.5† \|")
-        self.assertRegex(page, r"\| stag_hunt_arena \| 0.5 \|  \| \*0\* \|")
-        self.assertIn("at least one algorithm learns: 2 of 13", page)
-        self.assertIn("ippo 1, mappo 1, happo 0, idqn 0, vdn 0", page)
-        self.assertIn("(`--variant reference`), on 0 scenarios: none", page)
-        self.assertIn("gamma 0.9 -> 0.99", page)
+        # 8.5 and 9.5: t(0.975, 1) = 12.706 times a standard error of 0.5; (9 - 0.025) / (11 - 0.025) of the scripted team's way.
+        self.assertRegex(page, r"\| lava pit \| 0.5 \| \*\*9\*\* ± 6.4<br>82 % \|  \|  \|  \| 0.5†<br>4 % \|")
+        self.assertRegex(page, r"\| stag hunt arena \| 0.5 \|  \| 0<br>-1 % \|  \|")
+        self.assertIn("3 of 104 cells have runs, 0 of them three seeds or more", page)
+        self.assertIn("over 4 runs", page)
         self.assertIn("stag_hunt_arena_ippo_7: ", page)
-        self.assertIn("qmix on lava_pit", page)
-        self.assertIn("all 8 tests", page)
+        self.assertIn("stag_hunt_arena_happo_7: curve.csv: a point is not finite, or env_frames do not rise", page)
         self.assertTrue((self.folder / "curves.png").stat().st_size > 1000)
+        self.assertFalse((self.folder / "aggregates.png").exists(), "no scenario has all algorithms")
+        rows = list(csv.DictReader(io.StringIO((self.folder / "runs.csv").read_text())))
+        self.assertEqual([(row["run"], row["J"]) for row in rows][:2], [("lava_pit_ippo_7", "8.5"), ("lava_pit_ippo_8", "9.5")])
+        self.assertEqual((rows[2]["stale"], rows[2]["checkpoint_hash"]), ("gamma 0.9 -> 0.99", "xxh3:5"))
 
-    def test_the_papers_scores_are_those_of_its_games_in_our_units(self):
-        for scenario in ("lava_pit@reference", "coop_health_gathering@reference", "smart_enemies"):
-            self.episodes(f"random_{scenario}", [0.0, 1.0] * 50)
-        self.keep("lava_pit@reference", "ippo", 7, [1.0, 2.0] * 50)
-        self.keep("coop_health_gathering@reference", "ippo", 7, [2000.0, 2010.0] * 50)  # tics; 1 104.9 decisions are 4 419.6
+    def test_all_algorithms_together_over_the_scenarios_that_all_have(self):
+        import results_page
+
+        for at, algo in enumerate(results_page.ALGORITHMS):
+            for seed in (7, 8):
+                self.keep("lava_pit", algo, seed, [float(at), at + 1.0] * 50)
+        self.assertIn("Over the 1 scenarios where every algorithm has runs (lava pit)", self.page())
+        self.assertTrue((self.folder / "aggregates.png").stat().st_size > 1000)
+
+    def test_the_papers_scores_are_those_of_its_games_in_its_units(self):
+        self.keep("coop_health_gathering@reference", "ippo", 7, [2000.0, 2010.0] * 50)  # tics; four are a decision
         self.keep("smart_enemies", "ippo", 7, [50.0, 60.0] * 50)
+        beside = self.page().partition("## Beside the paper")[2].partition("## Findings")[0]
+        self.assertIn("| coop health gathering | ippo | 1 | 2 M | 501.2 | 1105 | decisions |", beside)
+        self.assertNotIn("smart enemies", beside)
+
+    def test_findings_say_undecided_where_seeds_do_not_decide(self):
+        for seed, (ippo, qmix) in enumerate([(9.0, 3.0), (9.1, 3.1), (9.2, 3.2)]):
+            self.keep("rhythm_sync", "ippo", seed, [ippo] * 10)
+            self.keep("rhythm_sync", "qmix", seed, [qmix] * 10)
+            self.keep("foraging_commons", "ippo", seed, [ippo] * 10)
+            self.keep("foraging_commons", "qmix", seed, [qmix] * 10)
+            self.keep("ammo_carrier", "ippo", seed, [ippo] * 10)
+            self.keep("ammo_carrier", "mappo", seed, [9.1 - 3 * (seed == 2) + 3 * (seed == 1)] * 10)
+        self.keep("stag_hunt_arena", "ippo", 7, [9.0] * 10)
+        self.keep("stag_hunt_arena", "vdn", 7, [1.0] * 10)
         page = self.page()
-        self.assertIn("on 1 scenario: lava_pit@reference (ippo)", page)
-        self.assertRegex(page, r"coop_health_gathering@reference_ippo_7 .* \| 4420 \| 2 \|  \|")
-        self.assertRegex(page, r"smart_enemies_ippo_7 .* \|  \| 2 \| version 1 of the scenario, now 2 \|")
+        self.assertIn("stag hunt arena: undecided (ippo 9, vdn 1; a single seed)", page)
+        self.assertRegex(page, r"rhythm sync: holds \(ippo 9.1, qmix 3.1; p = .*, 3 seeds\)")
+        self.assertRegex(page, r"foraging commons: the reverse \(qmix 3.1, ippo 9.1; p = ")
+        self.assertRegex(page, r"ammo carrier: undecided \(ippo 9.1, mappo 9.1; p = ")
+        self.assertIn("coop", page)
+        self.assertIn("With reference rules: not run.", page)
 
     def test_units_that_do_not_convert_are_refused(self):
         table = self.folder / "published.toml"
@@ -863,7 +893,7 @@ class ResultsPage(WithFolder):
         return run_report(self.folder, "--scenario_pages", self.folder / "pages")
 
     def test_each_scenarios_page_has_its_runs_between_two_marks(self):
-        self.episodes("random_lava_pit", [0.0, 1.0] * 50)
+        self.random_play("lava_pit", [0.0, 1.0] * 50)
         self.keep("lava_pit", "ippo", 7, [8.0, 9.0] * 50)
         self.keep("lava_pit", "vdn", 7, [0.0, 1.0] * 50)
         self.keep("stag_hunt_arena", "ippo", 7, [0.0] * 100)

@@ -23,18 +23,31 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-TEST(ThinMetrics, KeepsFirstAndLastEvenlyAndTheNamesThatResultsNeed) {
-  std::string text = "{\"torn\n";
+TEST(CurveOf, KeepsTheFirstAndTheLastPointAndEvenlySpreadOnesBetween) {
+  std::string text = "{\"torn\n{\"env_frames\": 5, \"policy_stats/avg_true_objective\": null}\n";
   for (int row = 0; row < 101; ++row)
     text += "{\"env_frames\": " + std::to_string(row + 1) +
-            "123456, \"train/loss\": 0.98765432, \"stats/odd\": 1}\n";
-  const std::vector<std::string> lines = lines_of(thin_metrics(text, 11));
-  ASSERT_EQ(lines.size(), 11u);
-  for (std::size_t i = 0; i < lines.size(); ++i)
-    EXPECT_EQ(lines[i], "{\"env_frames\":" + std::to_string(10 * i + 1) + "123456,\"train/loss\":0.98765}");
-  EXPECT_EQ(lines_of(thin_metrics(text, 1000)).size(), 101u);
-  EXPECT_EQ(lines_of(thin_metrics(text, 1)), std::vector{lines.back()});
-  EXPECT_EQ(thin_metrics("", 10), "");
+            "123456, \"policy_stats/avg_true_objective\": 0.98765432, \"train/loss\": 1}\n";
+  const std::vector<std::string> lines = lines_of(curve_of(text, 11));
+  ASSERT_EQ(lines.size(), 12u);
+  EXPECT_EQ(lines[0], "env_frames,J");
+  for (std::size_t i = 1; i < lines.size(); ++i)
+    EXPECT_EQ(lines[i], std::to_string(10 * (i - 1) + 1) + "123456,0.98765");
+  EXPECT_EQ(lines_of(curve_of(text, 1000)).size(), 102u);
+  EXPECT_EQ(lines_of(curve_of(text, 1)), (std::vector{lines.front(), lines.back()}));
+  EXPECT_EQ(curve_of("", 10), "env_frames,J\n");
+}
+
+TEST(CurveOf, LeavesOutWhatAResumedRunForgot) {
+  std::string text;
+  for (const int frames : {100, 200, 300, 200, 250})
+    text += "{\"env_frames\": " + std::to_string(frames) +
+            ", \"policy_stats/avg_true_objective\": " + std::to_string(text.size()) + "}\n";
+  const std::vector<std::string> lines = lines_of(curve_of(text, 60));
+  ASSERT_EQ(lines.size(), 4u);
+  EXPECT_EQ(lines[1], "100,0");
+  EXPECT_TRUE(lines[2].starts_with("200,")) << lines[2];
+  EXPECT_TRUE(lines[3].starts_with("250,")) << lines[3];
 }
 
 TEST(SweepResults, ATimeCountsAllStartsOfARun) {
