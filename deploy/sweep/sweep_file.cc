@@ -247,24 +247,56 @@ Status read_settings(SweepFile& file, const toml::table& table) {
   return {};
 }
 
+/// Some values of an axis. Errors: kBadInput for a value that the axis does not have.
+Expected<SweepAxis> condition_of(const SweepFile& file, const SweepAxis& axis, const toml::key& key,
+                                 const toml::node& node) {
+  COMRAD_TRY_ASSIGN(SweepAxis condition, axis_of(file, key, node, /*takes_one=*/true));
+  for (std::size_t i = 0; i < condition.values.size(); ++i)
+    if (std::ranges::find(axis.values, condition.values[i]) == axis.values.end())
+      return refuse(file, condition.lines[i],
+                    condition.setting + " " + condition.values[i] + " is not in [axes]" +
+                        did_you_mean(condition.values[i], axis.values));
+  return condition;
+}
+
 Status read_exclusion(SweepFile& file, const toml::table& table) {
   SweepExclusion exclusion;
   exclusion.line = static_cast<int>(table.source().begin.line);
   for (const auto& [key, node] : in_order(table)) {
-    COMRAD_TRY_ASSIGN(SweepAxis excluded, axis_of(file, *key, *node, /*takes_one=*/true));
-    const auto axis = std::ranges::find(file.axes, excluded.setting, &SweepAxis::setting);
+    COMRAD_TRY_ASSIGN(const SettingRow* row, setting_of(file, *key));
+    const auto axis = std::ranges::find(file.axes, row->name, &SweepAxis::setting);
     if (axis == file.axes.end())
-      return refuse(file, excluded.line, excluded.setting + " is not in [axes], so it excludes nothing");
-    for (std::size_t i = 0; i < excluded.values.size(); ++i)
-      if (std::ranges::find(axis->values, excluded.values[i]) == axis->values.end())
-        return refuse(file, excluded.lines[i],
-                      excluded.setting + " " + excluded.values[i] + " is not in [axes]" +
-                          did_you_mean(excluded.values[i], axis->values));
-    exclusion.settings.push_back(std::move(excluded));
+      return refuse(file, static_cast<int>(key->source().begin.line),
+                    std::string(row->name) + " is not in [axes], so it excludes nothing");
+    COMRAD_TRY_ASSIGN(SweepAxis condition, condition_of(file, *axis, *key, *node));
+    exclusion.settings.push_back(std::move(condition));
   }
   if (exclusion.settings.empty())
     return refuse(file, exclusion.line, "this [[exclude]] names no setting, so it would exclude every run");
   file.exclusions.push_back(std::move(exclusion));
+  return {};
+}
+
+Status read_override(SweepFile& file, const toml::table& table) {
+  SweepOverride override;
+  override.line = static_cast<int>(table.source().begin.line);
+  for (const auto& [key, node] : in_order(table)) {
+    COMRAD_TRY_ASSIGN(const SettingRow* row, setting_of(file, *key));
+    const auto axis = std::ranges::find(file.axes, row->name, &SweepAxis::setting);
+    if (axis != file.axes.end()) {
+      COMRAD_TRY_ASSIGN(SweepAxis condition, condition_of(file, *axis, *key, *node));
+      override.when.push_back(std::move(condition));
+    } else {
+      COMRAD_TRY_ASSIGN(const std::string value, value_of(file, *row, *node));
+      override.values.emplace_back(row->name, value);
+      file.lines.emplace(row->name, static_cast<int>(key->source().begin.line));
+    }
+  }
+  if (override.when.empty() || override.values.empty())
+    return refuse(
+        file, override.line,
+        "this [[override]] needs a setting of [axes] that chooses runs, and a setting that it changes");
+  file.overrides.push_back(std::move(override));
   return {};
 }
 
@@ -450,6 +482,7 @@ Status read_document(SweepFile& file, const toml::table& document) {
   const toml::table* axes = keys.table("axes", status);
   const toml::table* settings = keys.table("settings", status);
   const toml::array* exclusions = keys.tables("exclude", status);
+  const toml::array* overrides = keys.tables("override", status);
   const toml::table* resources = keys.table("resources", status);
   const toml::table* results = keys.table("results", status);
   const toml::table* search = keys.table("search", status);
@@ -470,6 +503,8 @@ Status read_document(SweepFile& file, const toml::table& document) {
   if (settings != nullptr) COMRAD_TRY(read_settings(file, *settings));
   if (exclusions != nullptr)
     for (const toml::node& one : *exclusions) COMRAD_TRY(read_exclusion(file, *one.as_table()));
+  if (overrides != nullptr)
+    for (const toml::node& one : *overrides) COMRAD_TRY(read_override(file, *one.as_table()));
   if (resources != nullptr) COMRAD_TRY(read_resources(file, *resources));
   if (results != nullptr) COMRAD_TRY(read_results(file, *results));
   if (search != nullptr) COMRAD_TRY(read_search(file, *search));

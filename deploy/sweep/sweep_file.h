@@ -28,6 +28,13 @@ struct SweepExclusion {
   int line = 0;
 };
 
+/// Settings of the runs that have one of the values of every axis named in `when`; they replace those of [settings].
+struct SweepOverride {
+  std::vector<SweepAxis> when;
+  SettingValues values;
+  int line = 0;
+};
+
 /// What one run gets.
 struct SweepResources {
   int64_t cores = 0;     ///< 0: the machine's, shared evenly by the runs that run at once
@@ -65,6 +72,7 @@ struct SweepFile {
   SettingsLayer settings;            ///< what all runs share
   std::map<std::string, int> lines;  ///< of every setting that the file names
   std::vector<SweepExclusion> exclusions;
+  std::vector<SweepOverride> overrides;  ///< in the order of the file; a later one wins
   SweepResources resources;
   SweepResults results;
   SweepSearch search;

@@ -61,13 +61,19 @@ int line_of(const SweepFile& file, const std::string& message) {
   return line;
 }
 
+/// Whether a run with these values of the axes has one of the values of every condition.
+bool meets(const SweepFile& file, const std::vector<std::string>& values,
+           const std::vector<SweepAxis>& conditions) {
+  return std::ranges::all_of(conditions, [&](const SweepAxis& condition) {
+    const auto axis = std::ranges::find(file.axes, condition.setting, &SweepAxis::setting);
+    const std::string& value = values[static_cast<std::size_t>(axis - file.axes.begin())];
+    return std::ranges::find(condition.values, value) != condition.values.end();
+  });
+}
+
 bool is_excluded(const SweepFile& file, const std::vector<std::string>& values) {
   return std::ranges::any_of(file.exclusions, [&](const SweepExclusion& exclusion) {
-    return std::ranges::all_of(exclusion.settings, [&](const SweepAxis& excluded) {
-      const auto axis = std::ranges::find(file.axes, excluded.setting, &SweepAxis::setting);
-      const std::string& value = values[static_cast<std::size_t>(axis - file.axes.begin())];
-      return std::ranges::find(excluded.values, value) != excluded.values.end();
-    });
+    return meets(file, values, exclusion.settings);
   });
 }
 
@@ -127,6 +133,9 @@ Expected<SweepRun> make_run(const SweepFile& file, const std::vector<std::string
   SweepRun run;
   run.name = sweep_run_name(file.axes, values);
   run.settings = file.settings;
+  for (const SweepOverride& override : file.overrides)
+    if (meets(file, values, override.when))
+      run.settings.values = with_settings(std::move(run.settings.values), override.values);
   for (std::size_t i = 0; i < file.axes.size(); ++i)
     run.settings.values.emplace_back(file.axes[i].setting, values[i]);
   run.settings.values = with_settings(std::move(run.settings.values), more);

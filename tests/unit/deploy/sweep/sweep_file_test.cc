@@ -144,6 +144,11 @@ TEST(SweepFile, RefusesValuesThatCannotBe) {
   EXPECT_THAT(axes("seed = [41]\n[[exclude]]\nseed = 42\n"),
               StartsWith("s.toml:5: seed 42 is not in [axes]"));
   EXPECT_THAT(axes("seed = [41]\n[[exclude]]\n"), HasSubstr("names no setting"));
+  EXPECT_THAT(axes("seed = [41]\n[[override]]\nseed = 42\ngamma = 0.9\n"),
+              StartsWith("s.toml:5: seed 42 is not in [axes]"));
+  EXPECT_THAT(axes("seed = [41]\n[[override]]\nseed = 41\n"), HasSubstr("a setting that it changes"));
+  EXPECT_THAT(axes("seed = [41]\n[[override]]\ngamma = 0.9\n"), HasSubstr("that chooses runs"));
+  EXPECT_THAT(axes("seed = [41]\n[[override]]\nseed = 41\ngama = 0.9\n"), HasSubstr("gamma"));
 }
 
 TEST(SweepPlan, IsTheProductOfTheAxesWithNamesThatSayWhatRunsAre) {
@@ -171,6 +176,16 @@ TEST(SweepPlan, LeavesOutWhatIsExcluded) {
       plan_refusal(
           "name = \"a\"\n[axes]\nseed = [1]\n[settings]\nscenario = \"field\"\n[[exclude]]\nseed = 1\n"),
       HasSubstr("leaves no run"));
+}
+
+TEST(SweepPlan, OverridesSettingsOfSomeRunsAndTheLastOneWins) {
+  const SweepPlan plan =
+      plan_of(std::string(kSmall) +
+              "[[override]]\nalgo = [\"qmix\"]\ntrain_for_env_frames = 2e6\n"
+              "[[override]]\nalgo = \"qmix\"\nscenario = \"pit\"\ntrain_for_env_frames = 3e6\n");
+  std::vector<double> goals;
+  for (const SweepRun& run : plan.runs) goals.push_back(run.goal_env_frames);
+  EXPECT_THAT(goals, ElementsAre(1e6, 1e6, 2e6, 2e6, 1e6, 1e6, 3e6, 3e6));
 }
 
 TEST(SweepPlan, RefusesPairsThatCannotRunWithTheirLine) {
