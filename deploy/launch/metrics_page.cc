@@ -78,22 +78,6 @@ void append_workers(Page& page, const std::vector<WorkerSnapshot>& workers) {
          [](const WorkerSnapshot& worker) { return worker.resident_bytes; });
 }
 
-std::string http(const std::string& status, const std::string& type, const std::string& body,
-                 bool with_body = true) {
-  return "HTTP/1.1 " + status + "\r\nContent-Type: " + type +
-         "\r\nContent-Length: " + std::to_string(body.size()) +
-         "\r\nConnection: close\r\nX-Content-Type-Options: nosniff\r\n\r\n" + (with_body ? body : "");
-}
-std::string http_words(const std::string& status, const std::string& words) {
-  return http(status, "text/plain; charset=utf-8", words + "\n");
-}
-
-bool names_this_machine(std::string_view host) {
-  const std::size_t end = host.starts_with('[') ? host.find(']') + 1 : host.find(':');
-  const std::string_view name = host.substr(0, std::min(end, host.size()));
-  return same_ignoring_case(name, "localhost") || name == "127.0.0.1" || name == "[::1]";
-}
-
 }  // namespace
 
 std::string metrics_text(const RunSnapshot& run) {
@@ -150,25 +134,13 @@ std::string metrics_text(const RunSnapshot& run) {
   return page.text();
 }
 
-std::string http_answer(std::string_view request, const std::function<std::string()>& page) {
-  const std::string_view line = request.substr(0, request.find_first_of("\r\n"));
-  const std::size_t method_end = line.find(' '), path_end = line.find(' ', method_end + 1);
-  if (method_end == std::string_view::npos || path_end == std::string_view::npos ||
-      !line.substr(path_end + 1).starts_with("HTTP/"))
-    return http_words("400 Bad Request", "this is no HTTP request; ask for GET /metrics");
-  const std::string_view method = line.substr(0, method_end);
-  const std::string_view path = line.substr(method_end + 1, path_end - method_end - 1);
-  for (std::size_t at = request.find('\n'); at != std::string_view::npos; at = request.find('\n', at + 1)) {
-    const std::string_view header = request.substr(at + 1, request.find('\n', at + 1) - at - 1);
-    const std::size_t colon = header.find(':');
-    if (colon != std::string_view::npos && same_ignoring_case(header.substr(0, colon), "host") &&
-        !names_this_machine(trimmed(header.substr(colon + 1))))
-      return http_words("403 Forbidden", "ask for 127.0.0.1 or localhost");
-  }
-  if (method != "GET" && method != "HEAD")
-    return http_words("405 Method Not Allowed", "ask for GET /metrics");
-  if (path.substr(0, path.find('?')) != "/metrics") return http_words("404 Not Found", "ask for /metrics");
-  return http("200 OK", "text/plain; version=0.0.4; charset=utf-8", page(), method == "GET");
+HttpRules metrics_rules(std::function<std::string()> page) {
+  return {.answer = [page = std::move(page)](const HttpRequest& request) -> HttpReply {
+    if (request.method != "GET" && request.method != "HEAD")
+      return {.status = 405, .body = "ask for GET /metrics\n"};
+    if (request.path != "/metrics") return {.status = 404, .body = "ask for /metrics\n"};
+    return {.type = "text/plain; version=0.0.4; charset=utf-8", .body = page()};
+  }};
 }
 
 Status check_metrics_port(int64_t port) {
@@ -178,18 +150,10 @@ Status check_metrics_port(int64_t port) {
 }
 
 Expected<MetricsPage> MetricsPage::open(int port, std::function<std::string()> page) {
-  Expected<Descriptor> listener = listen_on_loopback(port);
-  if (!listener)
-    return Error{listener.error().code, "--metrics_port " + std::to_string(port) + ": " +
-                                            listener.error().message + "; choose another, or 0 for none"};
-  return MetricsPage(ReplyServer(
-      std::move(listener).value(),
-      {.is_whole =
-           [](std::string_view request) {
-             return request.find("\r\n\r\n") != std::string_view::npos ||
-                    request.find("\n\n") != std::string_view::npos;
-           },
-       .answer = [page = std::move(page)](std::string_view request) { return http_answer(request, page); }}));
+  Expected<HttpServer> server = HttpServer::open("127.0.0.1", port, metrics_rules(std::move(page)));
+  if (server) return MetricsPage(std::move(server).value());
+  return Error{server.error().code, "--metrics_port " + std::to_string(port) + ": " + server.error().message +
+                                        "; choose another, or 0 for none"};
 }
 
 }  // namespace comrad::deploy

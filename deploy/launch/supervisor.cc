@@ -217,7 +217,7 @@ void Supervisor::answer_visitors() {
   const double now_s = clock_.now_s();
   if (hub_.is_open() && look_timer_.is_due(now_s, kLookIntervalS)) snapshots_.look(hub_.arena(), now_s);
   if (door_) door_->tick(now_s);
-  if (page_) page_->tick(now_s);
+  if (page_) page_->tick();
 }
 
 DoorOrders Supervisor::orders() {

@@ -79,21 +79,24 @@ void ReplyServer::write(Client& client) const {
   if (client.sent == client.answer.size()) shutdown(client.descriptor.get(), SHUT_WR);
 }
 
-Expected<Descriptor> listen_on_loopback(int port) {
+Expected<Descriptor> listen_on_address(const std::string& host, int port) {
   Descriptor listener(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!listener.is_open()) return system_error("a socket");
-  const std::string place = "127.0.0.1:" + std::to_string(port);
+  const std::string place = host + ":" + std::to_string(port);
   const int yes = 1;
   setsockopt(listener.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(static_cast<uint16_t>(port));
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  if (inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1)
+    return Error{ErrorCode::kBadInput, "'" + host + "' is no IPv4 address"};
   if (bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
       listen(listener.get(), kQueue) != 0) {
     if (errno == EADDRINUSE) return Error{ErrorCode::kBadInput, place + " is taken by another process"};
     if (errno == EACCES)
       return Error{ErrorCode::kBadInput, place + " is kept for root; choose one from 1024 on"};
+    if (errno == EADDRNOTAVAIL)
+      return Error{ErrorCode::kBadInput, host + " is no address of this machine; `ip address` lists them"};
     return system_error(place);
   }
   return listener;

@@ -57,8 +57,9 @@ class ReplyServer {
   std::vector<Client> clients_;
 };
 
-/// A listening socket on a port of 127.0.0.1. Errors: kBadInput where the port is taken, kSystem.
-Expected<Descriptor> listen_on_loopback(int port);
+/// A listening socket on a port of an IPv4 address of this machine; port 0: any. Errors: kBadInput where the address is none of this
+/// machine's or the port is taken, kSystem.
+Expected<Descriptor> listen_on_address(const std::string& address, int port);
 /// One that listens under an abstract name, which vanishes with it. Errors: kSystem.
 Expected<Descriptor> listen_on_name(const std::string& name);
 /// A connection to such a name. Errors: kNotFound where nobody listens, kTimeout, kSystem.

@@ -158,7 +158,8 @@ void ask_at_the_door(std::string_view bytes) {
                                        }};
   const std::string answer = deploy::answer_at_door(bytes, door);
   require(answer.ends_with('\n') && answer.find('\n') == answer.size() - 1 && orders <= 1);
-  const std::string page = deploy::http_answer(bytes, [] { return std::string("page"); });
+  const std::string page =
+      deploy::http_answer(bytes, deploy::metrics_rules([] { return std::string("page"); }));
   require(page.starts_with("HTTP/1.1 "));
 }
 

@@ -46,12 +46,13 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
       {"doomgen", {"wad", "layout", "acs"}},
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
-        "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace", "python"}},
+        "engine/tic", "engine/render", "env", "oracle", "worker", "film", "watch", "trace", "python"}},
       {"policy_workers", {"device", "kernels", "network", "batching", "weights", "worker"}},
       {"learner",
        {"batch", "estimators", "critics", "checkpoint", "ranks", "losses", "schedules", "step", "algorithms",
         "curriculum", "sources", "reports", "worker"}},
-      {"deploy", {"process", "settings", "launch", "hosts", "evaluation", "sweep", "run", "bench", "tools"}},
+      {"deploy",
+       {"process", "settings", "launch", "hosts", "evaluation", "sweep", "run", "watch", "bench", "tools"}},
   };
   return layers;
 }
@@ -77,7 +78,10 @@ const std::vector<Library>& libraries() {
       {"OpenGL, OSMesa and EGL", "libosmesa6-dev", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
       {"FFmpeg's codecs", "libavcodec-dev", {"libavcodec/", "libavutil/"}, {"sim_workers/film/"}},
       {"FFmpeg's formats", "libavformat-dev", {"libavformat/"}, {"sim_workers/film/"}},
-      {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/", "sim_workers/film/"}},
+      {"OpenCV",
+       "libopencv-imgproc-dev",
+       {"opencv2/"},
+       {"sim_workers/env/", "sim_workers/film/", "sim_workers/watch/"}},
       {"giflib", "libgif-dev", {"gif_lib.h"}, {"sim_workers/film/"}},
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"CUDA", "libtorch-dev", {"c10/cuda/", "ATen/cuda/", "cuda"}, {"policy_workers/device/"}},
@@ -89,6 +93,7 @@ const std::vector<Library>& libraries() {
        "libtomlplusplus-dev",
        {"toml++/"},
        {"rollout_buffer/core/", "rollout_buffer/settings/", "scenarios/spec/"}},
+      {"Boost", "libboost-dev", {"boost/"}, {"deploy/process/"}},
       {"lz4", "liblz4-dev", {"lz4.h"}, {"rollout_buffer/link/", "rollout_buffer/replay/"}},
       {"xxHash", "libxxhash-dev", {"xxhash.h"}, {"rollout_buffer/core/"}},
       {"zlib", "zlib1g-dev", {"zlib.h"}, {"doomgen/layout/"}},
@@ -316,6 +321,7 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_FALSE(is_fault("deploy/run/eval.cc", "deploy/evaluation/play.h"));
   EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "torch/torch.h", false));
   EXPECT_TRUE(is_fault("learner/worker/main.cc", "dds/dds.h", false));
+  EXPECT_TRUE(is_fault("deploy/watch/watch_server.cc", "boost/beast.hpp", false));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "GL/osmesa.h", false));
   EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "libavformat/avformat.h", false));
   EXPECT_FALSE(is_fault("sim_workers/film/video_file.cc", "libavformat/avformat.h", false));

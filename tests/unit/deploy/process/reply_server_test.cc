@@ -125,17 +125,22 @@ TEST_F(ReplyServerTest, KnowsWhoAsksAndWhatIsTaken) {
   EXPECT_EQ(nobody.error().code, ErrorCode::kNotFound);
 }
 
-TEST(Loopback, APortIsOfThisMachineAloneAndATakenOneIsNamed) {
-  const Expected<Descriptor> first = listen_on_loopback(0);
+TEST(ListenOnAddress, APortIsOfItsAddressAloneAndATakenOneIsNamed) {
+  const Expected<Descriptor> first = listen_on_address("127.0.0.1", 0);
   ASSERT_TRUE(first) << first.error().message;
   sockaddr_in address{};
   socklen_t size = sizeof address;
   ASSERT_EQ(getsockname(first->get(), reinterpret_cast<sockaddr*>(&address), &size), 0);
   EXPECT_EQ(address.sin_addr.s_addr, htonl(INADDR_LOOPBACK));
-  const Expected<Descriptor> second = listen_on_loopback(ntohs(address.sin_port));
+  const Expected<Descriptor> second = listen_on_address("127.0.0.1", ntohs(address.sin_port));
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, ErrorCode::kBadInput);
   EXPECT_THAT(second.error().message, HasSubstr("is taken by another process"));
+  for (const char* word : {"localhost", "192.0.2.1", "127.0.0", ""}) {
+    const Expected<Descriptor> refused = listen_on_address(word, 0);
+    ASSERT_FALSE(refused) << word;
+    EXPECT_EQ(refused.error().code, ErrorCode::kBadInput) << word;
+  }
 }
 
 }  // namespace reply_server_test
