@@ -9,6 +9,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/metrics/metric_table.h"
 #include "rollout_buffer/schema/version.h"
 
 namespace comrad::deploy {
@@ -83,8 +84,21 @@ void print_overview(FILE* to) {
   for (const Command& command : commands())
     std::fprintf(to, "  %-11s %s\n", command.name.c_str(), command.summary.c_str());
   std::fprintf(to, "  %-11s %s\n  %-11s %s\n\n", "help",
-               "this overview, or all about one command: comrad help train", "version", "what was built");
+               "this overview, one command (comrad help train), or a run's numbers (comrad help metrics)",
+               "version", "what was built");
   std::fprintf(to, "First steps: comrad doctor; comrad train --scenario coop_health_gathering --algo ippo\n");
+}
+
+/// `comrad help metrics [--markdown]`.
+int print_metrics(Arguments flags) {
+  const bool as_markdown = flags.size() == 1 && flags[0] == "--markdown";
+  if (!flags.empty() && !as_markdown) {
+    std::fprintf(stderr, "comrad: error: help metrics: unexpected '%s'; expected nothing or --markdown\n",
+                 flags[0].c_str());
+    return comrad::kExitBadInput;
+  }
+  std::fputs((as_markdown ? comrad::metrics_markdown() : comrad::metrics_text()).c_str(), stdout);
+  return comrad::kExitDone;
 }
 
 int unknown_command(const std::string& name) {
@@ -101,6 +115,8 @@ int dispatch(const std::vector<std::string>& words) {
     return comrad::kExitBadInput;
   }
   const std::string& name = words[0];
+  if (name == "help" && words.size() > 1 && words[1] == "metrics")
+    return print_metrics(Arguments(words).subspan(2));
   if (name == "help" && words.size() > 1) {
     const Command* command = find(words[1]);
     std::vector<std::string> help(words.begin() + 2, words.end());
