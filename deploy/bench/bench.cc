@@ -14,6 +14,7 @@
 #include "deploy/bench/bench_table.h"
 #include "deploy/bench/scaling_model.h"
 #include "deploy/process/child_program.h"
+#include "deploy/process/python_program.h"
 #include "deploy/run/command.h"
 #include "deploy/settings/command_line.h"
 #include "rollout_buffer/core/files.h"
@@ -41,17 +42,17 @@ struct BenchFlags {
   double seconds = 20;
   bool json = false;
   ScalingGrid grid;
-  double rounds = 5;  ///< check: at most
-  std::string write;  ///< report
-  std::string from;   ///< model
+  double rounds = 5;          ///< check: at most
+  std::string write, charts;  ///< report
+  std::string from;           ///< model
   std::vector<std::string> cores;
 };
 
 /// Flags of one bench alone.
 constexpr std::pair<const char*, const char*> kFlagsOf[] = {
-    {"parts", "scaling"},   {"scenarios", "scaling"}, {"agents", "scaling"},
-    {"workers", "scaling"}, {"envs", "scaling"},      {"rounds", "check"},
-    {"write", "report"},    {"from", "model"},        {"cores", "model"}};
+    {"parts", "scaling"}, {"scenarios", "scaling"}, {"agents", "scaling"}, {"workers", "scaling"},
+    {"envs", "scaling"},  {"rounds", "check"},      {"write", "report"},   {"charts", "report"},
+    {"from", "model"},    {"cores", "model"}};
 constexpr int kRoundsMin = 3;
 constexpr double kCheckSeconds = 6;
 
@@ -102,6 +103,13 @@ Expected<ordered_json> report(const BenchFlags& flags, const BenchRequest& reque
   summary["benches"] = benches;
   summary["markdown"] = tables;
   return summary;
+}
+
+/// Becomes the program that draws the charts of BENCHMARKS.md from the rates kept in deploy/bench/rates.toml.
+Error draw_charts(const std::string& folder) {
+  const Expected<std::string> python = python_that_imports(kReportModules);
+  if (!python) return python.error();
+  return replace_process({*python, "-B", data_dir() + "/deploy/report/rates.py", folder});
 }
 
 /// Of the settings that were typed, on other machines.
@@ -194,6 +202,8 @@ int bench_command(Arguments arguments) {
   line.add_option("envs", flags.grid.envs, "NUMBERS", "scaling: instead of --num_envs_per_worker");
   line.add_option("rounds", flags.rounds, "N", "check: give up after so many rounds (default 5)");
   line.add_option("write", flags.write, "FILE.md", "report: put the tables between the marks of this file");
+  line.add_option("charts", flags.charts, "DIR",
+                  "report: measure nothing, draw the charts of deploy/bench/rates.toml into this folder");
   line.add_option("from", flags.from, "FILE", "model: what `comrad bench train --json` printed");
   line.add_option("cores", flags.cores, "NUMBERS", "model: on how many cores (default 1,2,4,8,16,32)");
   line.add_settings();
@@ -203,6 +213,7 @@ int bench_command(Arguments arguments) {
     return kExitDone;
   }
   if (const Status checked = check(flags, line); !checked) return report_error("bench", checked.error());
+  if (!flags.charts.empty()) return report_error("bench", draw_charts(flags.charts));
   if (flags.grid.benches.empty()) flags.grid.benches = {"sim"};
   const Expected<ordered_json> summary = measure(flags, line);
   if (!summary) return report_error("bench", summary.error());
