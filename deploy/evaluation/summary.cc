@@ -108,6 +108,7 @@ Json summarise(const EvaluationGame& game, const PlayedTeam& played, const Score
   for (double& score : agent_scores) score /= static_cast<double>(played.episodes.size());
   const Team& team = *played.team;
   Json summary = {{"scenario", config.run.scenario},
+                  {"scenario_version", config.environment.scenario_version},
                   {"policy", team.name},
                   {"episodes", played.episodes.size()},
                   {"seed", config.run.seed},
@@ -156,6 +157,7 @@ std::vector<Json> episode_rows(const EvaluationGame& game, const PlayedTeam& pla
   for (const EpisodeRecord& episode : played.episodes)
     rows.push_back({{"policy", team.name},
                     {"scenario", game.merged.config.run.scenario},
+                    {"scenario_version", game.merged.config.environment.scenario_version},
                     {"episode", episode.episode_id},
                     {"seed", episode.episode_seed},
                     {"layout", game.map_name(episode.episode_id)},
@@ -175,9 +177,10 @@ std::vector<Json> episode_rows(const EvaluationGame& game, const PlayedTeam& pla
 
 Json summary_row(const Json& summary) {
   Json row;
-  for (const char* key : {"policy", "scenario", "num_agents", "layout", "episodes", "seed", "greedy",
-                          "J_mean", "J_ci95", "J_per_agent", "J_share", "J_normalised", "ceiling",
-                          "return_mean", "length_tics_mean", "checkpoint", "config_hash", "checkpoint_hash"})
+  for (const char* key :
+       {"policy", "scenario", "scenario_version", "num_agents", "layout", "episodes", "seed", "greedy",
+        "J_mean", "J_ci95", "J_per_agent", "J_share", "J_normalised", "ceiling", "return_mean",
+        "length_tics_mean", "checkpoint", "config_hash", "checkpoint_hash"})
     row[key] = summary[key];
   return row;
 }

@@ -219,6 +219,7 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
   ordered_json result = {
       {"run", run.name},
       {"scenario", config.run.scenario},
+      {"scenario_version", config.environment.scenario_version},
       {"algo", config.run.algo.name()},
       {"seed", config.run.seed},
       {"num_agents", config.environment.num_agents},

@@ -23,8 +23,9 @@ struct GalleryFlags {
 /// not taken for one; the returned option has been seen then.
 inline CLI::Option* add_gallery_flags(CLI::App& app, GalleryFlags& flags) {
   CLI::Option* gallery =
-      app.add_option("--gallery", flags.folder,
-                     "draw what the agents of each scenario see into this folder, a PNG each")
+      app.add_option(
+             "--gallery", flags.folder,
+             "draw what the agents of each scenario see into this folder, a PNG each, and one of all of them")
           ->expected(0, 1)
           ->type_name("DIR");
   app.add_option("scenarios", flags.scenarios, "with --gallery: the scenarios to draw; default: all");

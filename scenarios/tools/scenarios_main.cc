@@ -37,8 +37,8 @@ int list(bool as_json) {
     return 0;
   }
   for (const Json& one : all)
-    std::printf("%-24s difficulty %d, %d agents, %s\n", one["name"].get<std::string>().c_str(),
-                one["difficulty"].get<int>(), one["num_agents"].get<int>(),
+    std::printf("%-24s version %d, difficulty %d, %d agents, %s\n", one["name"].get<std::string>().c_str(),
+                one["version"].get<int>(), one["difficulty"].get<int>(), one["num_agents"].get<int>(),
                 one["summary"].get<std::string>().c_str());
   return 0;
 }

@@ -17,6 +17,7 @@ namespace comrad::trace {
 namespace {
 
 constexpr int kGapPixels = 4;
+constexpr int kColumns = 7;  ///< of games.png
 
 /// Plays until the picture's moment: the oracle, or chance where there is none.
 void play(const GalleryOptions& options, sim::DoomEnvironment& environment) {
@@ -38,22 +39,35 @@ void play(const GalleryOptions& options, sim::DoomEnvironment& environment) {
   }
 }
 
-/// Views [agents][3, height, width] side by side.
-std::vector<uint8_t> side_by_side(const std::vector<std::vector<uint8_t>>& views, int width, int height) {
-  const int count = static_cast<int>(views.size()), row = count * width + (count - 1) * kGapPixels;
-  std::vector<uint8_t> joined(static_cast<std::size_t>(3) * height * row, 255);
+using Views = std::vector<std::vector<uint8_t>>;  ///< each [3, height, width]
+
+/// Writes views in rows of `columns` as one picture, white between them.
+Status write_tiles(const std::string& file, const Views& views, int columns, const GalleryOptions& options) {
+  const int count = static_cast<int>(views.size());
+  columns = std::min(columns, count);
+  const int step_x = options.width + kGapPixels, step_y = options.height + kGapPixels;
+  const int width = columns * step_x - kGapPixels;
+  const int height = (count + columns - 1) / columns * step_y - kGapPixels;
+  std::vector<uint8_t> joined(static_cast<std::size_t>(3) * height * width, 255);
   for (int view = 0; view < count; ++view)
     for (int plane = 0; plane < 3; ++plane)
-      for (int y = 0; y < height; ++y)
+      for (int y = 0; y < options.height; ++y)
         std::copy_n(views[static_cast<std::size_t>(view)].begin() +
-                        (static_cast<std::ptrdiff_t>(plane) * height + y) * width,
-                    width,
-                    joined.begin() + (static_cast<std::ptrdiff_t>(plane) * height + y) * row +
-                        view * (width + kGapPixels));
-  return joined;
+                        (static_cast<std::ptrdiff_t>(plane) * options.height + y) * options.width,
+                    options.width,
+                    joined.begin() +
+                        (static_cast<std::ptrdiff_t>(plane) * height + view / columns * step_y + y) * width +
+                        view % columns * step_x);
+  return doom::write_png(file, joined, width, height);
 }
 
-Expected<std::string> draw_row(const std::string& name, const GalleryOptions& options) {
+/// What each agent of a scenario sees, and the file that shows it.
+struct DrawnRow {
+  std::string file;
+  Views views;
+};
+
+Expected<DrawnRow> draw_row(const std::string& name, const GalleryOptions& options) {
   COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(name));
   const int agents = options.num_agents > 0 ? options.num_agents : spec.default_agents;
   scenarios::LayoutRequest request;
@@ -78,7 +92,7 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
 
   sim::DoomEnvironment environment(game);
   play(options, environment);
-  std::vector<std::vector<uint8_t>> views(static_cast<std::size_t>(agents));
+  Views views(static_cast<std::size_t>(agents));
   std::vector<doom::ViewRequest> requests;
   for (int agent = 0; agent < agents; ++agent) {
     auto& view = views[static_cast<std::size_t>(agent)];
@@ -87,10 +101,8 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
   }
   renderer->draw(requests);
   const std::string file = options.folder + "/" + spec.name + ".png";
-  const int row_width = agents * options.width + (agents - 1) * kGapPixels;
-  COMRAD_TRY(
-      doom::write_png(file, side_by_side(views, options.width, options.height), row_width, options.height));
-  return file;
+  COMRAD_TRY(write_tiles(file, views, agents, options));
+  return DrawnRow{file, std::move(views)};
 }
 
 }  // namespace
@@ -100,10 +112,16 @@ Expected<std::vector<std::string>> draw_gallery(const GalleryOptions& options) {
   std::filesystem::create_directories(options.folder, failure);
   if (failure) return Error{ErrorCode::kSystem, options.folder + ": " + failure.message()};
   std::vector<std::string> files;
+  Views tiles;
   for (const std::string& name :
        options.scenarios.empty() ? scenarios::list_scenarios() : options.scenarios) {
-    COMRAD_TRY_ASSIGN(std::string file, draw_row(name, options));
-    files.push_back(std::move(file));
+    COMRAD_TRY_ASSIGN(DrawnRow row, draw_row(name, options));
+    files.push_back(std::move(row.file));
+    tiles.push_back(std::move(row.views.back()));
+  }
+  if (tiles.size() > 1) {
+    files.push_back(options.folder + "/games.png");
+    COMRAD_TRY(write_tiles(files.back(), tiles, kColumns, options));
   }
   return files;
 }

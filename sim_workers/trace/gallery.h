@@ -20,7 +20,8 @@ struct GalleryOptions {
 };
 
 /// Plays each scenario with its oracle (random actions where it has none) on its default map and writes
-/// the row of views. Returns the files, in order. Errors: as loading a game; kSystem for a file that
+/// the row of views; of several scenarios also games.png, their last agents' views in rows of seven. Returns the files, in
+/// order. Errors: as loading a game; kSystem for a file that
 /// cannot be written.
 Expected<std::vector<std::string>> draw_gallery(const GalleryOptions& options);
 

@@ -173,6 +173,34 @@ TEST(Scenarios, HelpNamesTheGalleryAndItsFlagsAreRead) {
       {"scenarios", "--decisions", "2", "--size", "64x48", "--gallery", scratch / "pictures", "lava_pit"});
   EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
   EXPECT_TRUE(std::filesystem::exists(scratch / "pictures/lava_pit.png"));
+  EXPECT_FALSE(std::filesystem::exists(scratch / "pictures/games.png"));
+  const Ending both = comrad({"scenarios", "--decisions", "2", "--size", "64x48", "--gallery",
+                              scratch / "two", "lava_pit", "rhythm_sync"});
+  EXPECT_EQ(both.exit_code, 0) << both.err;
+  EXPECT_THAT(both.out, HasSubstr("games.png"));
+  EXPECT_TRUE(std::filesystem::exists(scratch / "two/games.png"));
+}
+
+TEST(Scenarios, ListNamesEachVersion) {
+  EXPECT_THAT(comrad({"scenarios"}).out, AllOf(HasSubstr("lava_pit"), HasSubstr("version 1, difficulty 5"),
+                                               HasSubstr("version 2, difficulty 5")));
+}
+
+TEST(Help, MetricsListsWhatARunReports) {
+  const Ending listed = comrad({"help", "metrics"});
+  EXPECT_EQ(listed.exit_code, 0) << listed.err;
+  EXPECT_THAT(listed.out,
+              AllOf(HasSubstr("train/kl_divergence"), HasSubstr("policy lag"), HasSubstr("nats")));
+  EXPECT_EQ(comrad({"help", "metrics", "--yaml"}).exit_code, 2);
+}
+
+TEST(Docs, SaysWhatItExpected) {
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"docs"}, {"docs", "--serve", "--build", "x"}}) {
+    const Ending ending = comrad(words);
+    EXPECT_EQ(ending.exit_code, 2);
+    EXPECT_THAT(ending.err, HasSubstr("expected --serve or --build DIR"));
+  }
 }
 
 TEST(Scenarios, DescribeCountsMeasurementsAndListsTerms) {
