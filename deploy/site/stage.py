@@ -5,6 +5,8 @@ import pathlib
 import re
 import shutil
 
+from page_commands import need_of
+
 SKIPPED_FOLDERS = {".git", ".github", "build", "train_dir"}
 MADE_BY_TOOLS = {"CMakeCache.txt", "pyvenv.cfg"}  # in build folders and Python environments, whatever their names
 PICTURES = {".png", ".gif", ".svg", ".jpg"}
@@ -31,6 +33,13 @@ def folder_page(folder: pathlib.Path) -> str:
     return f"reference/files/{folder.parts[0]}.md#{folder.as_posix().replace('/', '-')}"
 
 
+def with_need(below: list[str]) -> str:
+    """The first line of a fenced block that names what its commands need; `below` begins with its second."""
+    block = below[: next((at for at, line in enumerate(below) if line.startswith("```")), len(below))]
+    need = need_of(block)
+    return f'```text title="Needs {need}"' if need else "```text"
+
+
 class Stage:
     """Copies pages, and what they link to, from `home` to `to`. Text files get the suffix .txt, so that browsers show them."""
 
@@ -41,9 +50,12 @@ class Stage:
         """Writes one page below `to`."""
         lines, fenced = [], False
         before = ""  # the line before, outside of fenced code
-        for line in (self.home / page).read_text(encoding="utf-8").splitlines():
+        source = (self.home / page).read_text(encoding="utf-8").splitlines()
+        for number, line in enumerate(source):
             if line.lstrip().startswith("```"):
                 fenced = not fenced
+                if fenced and line == "```":
+                    line = with_need(source[number + 1 :])
                 lines.append(line)
                 before = line
                 continue

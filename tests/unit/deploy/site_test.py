@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""The site builds with every link, heading and picture in its place, and nothing in it is loaded from a network.
+"""The site builds with every link, heading and picture in its place, nothing in it is loaded from a network, and the commands on
+pages are right: those that need nothing special are run, of the others flags and, for `comrad train`, values are checked.
 
     site_test.py COMRAD_PROGRAM PYTHON_WITH_MKDOCS
 
@@ -16,6 +17,12 @@ import tempfile
 import urllib.parse
 
 HOME = pathlib.Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(HOME / "deploy" / "site"))
+from page_commands import NEEDS, blocks_of, commands_in, is_complete, need_of  # noqa: E402
+from stage import pages_of  # noqa: E402
+
+TIMEOUT_S = 600
+ONLY_TRAIN = {"--serve", "--insecure_network", "--allow_no_update"}  # flags of `comrad train` that `comrad config` has not
 SKIPPED = 77
 LOADED = {"script": "src", "img": "src", "link": "href", "source": "src", "iframe": "src"}  # what a browser fetches by itself
 
@@ -74,9 +81,90 @@ def check_itself() -> None:
         assert len(found) == 5, found
 
 
+class PageCommands:
+    """Checks the commands on pages with a built program, in a scratch folder that a page's commands share."""
+
+    def __init__(self, comrad: str, folder: str):
+        self.comrad, self.folder, self.help, self.run_count, self.checked_count = comrad, folder, {}, 0, 0
+
+    def start(self, *words: str) -> subprocess.CompletedProcess:
+        environment = {**os.environ, "COMRAD_HOME": str(HOME)}
+        return subprocess.run(
+            [self.comrad, *words], cwd=self.folder, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+        )
+
+    def help_of(self, words: list[str]) -> str:
+        """The help of a command, with that of its second word where it has flags of its own."""
+        name, second = words[0], words[1] if len(words) > 1 and re.fullmatch(r"[a-z]\w+", words[1]) else ""
+        key = (name, second if name in ("bench", "doomgen", "sweep") else "")
+        if key not in self.help:
+            self.help[key] = self.start("help", name, *(["--all"] if name in ("train", "serve", "join", "config") else [])).stdout
+            if self.help[key] and key[1]:
+                self.help[key] += self.start(*key, "--help").stdout
+        return self.help[key]
+
+    def fault(self, words: list[str]) -> str | None:
+        """What is wrong with one command, or None."""
+        text = self.help_of(words)
+        if not text:
+            return f"there is no command {words[0]}"
+        self.checked_count += 1
+        if is_complete(words) and words[0] == "train":
+            words = ["config", *[word for word in words[1:] if word not in ONLY_TRAIN]]
+            if any(word.endswith((".toml", ".pt", ".cfg")) or word in ("--keys", "--layout_pool") for word in words):
+                return None
+        elif not is_complete(words) or words[0] in NEEDS:
+            return None if words[0] == "test" else self.unknown_flag(words, text)  # ctest gets the words of test
+        done = self.start(*words)
+        self.run_count += 1
+        return None if done.returncode == 0 else f"ended with {done.returncode}: {done.stderr.strip()}"
+
+    def unknown_flag(self, words: list[str], text: str) -> str | None:
+        """A flag that the help of the command does not have."""
+        if words[0] in ("bench", "eval", "sweep"):
+            text += self.help_of(["config"])
+        for word in words[1:]:
+            flag = re.match(r"--\w+", word)
+            if flag and not re.search(rf"{flag[0]}\b", text):
+                return f"comrad {words[0]} has no flag {flag[0]}"
+        return None
+
+
+def wrong_commands(comrad: str) -> list[str]:
+    """Faults of the commands in the fenced blocks of all pages."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        checker = PageCommands(comrad, folder)
+        assert checker.fault(["trian", "--seed", "1"]) and checker.fault(["eval", "--sead", "1"]) and checker.fault(["train", "--algo", "ipo"])
+        assert need_of(["./comrad eval --policy x"]) == NEEDS["eval"] and need_of(["./comrad config --seed 1"]) is None
+        for page in pages_of(HOME):
+            for line, block in blocks_of((HOME / page).read_text(encoding="utf-8")):
+                for words in commands_in(block):
+                    fault = checker.fault(words)
+                    if fault:
+                        found.append(f"{page}:{line}: comrad {' '.join(words)}: {fault}")
+        assert checker.checked_count > 50 and checker.run_count > 10, (checker.checked_count, checker.run_count)
+    return found
+
+
+def metrics_differ(comrad: str) -> bool:
+    """Whether learner/METRICS.md shows other tables than the program prints."""
+    printed = subprocess.run([comrad, "help", "metrics", "--markdown"], stdout=subprocess.PIPE, text=True, check=True).stdout
+    page = (HOME / "learner/METRICS.md").read_text(encoding="utf-8")
+    shown = re.search(r"<!-- comrad help metrics: begin -->\n(.*?)\n*<!-- comrad help metrics: end -->", page, re.DOTALL)
+    return shown is None or shown[1].strip() != printed.strip()
+
+
 def main() -> int:
     check_itself()
-    comrad, python = sys.argv[1:]
+    comrad, python = map(os.path.abspath, sys.argv[1:])
+    if metrics_differ(comrad):
+        print("learner/METRICS.md differs from `comrad help metrics --markdown`: put its output between the marks")
+        return 1
+    wrong = wrong_commands(comrad)
+    if wrong:
+        print("\n".join(wrong))
+        return 1
     if subprocess.run([python, "-c", "import material, mkdocs"], stderr=subprocess.DEVNULL, check=False).returncode:
         print(f"{python} cannot import mkdocs-material: ./comrad test installs it (deploy/requirements_test.txt)")
         return SKIPPED
