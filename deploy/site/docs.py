@@ -59,13 +59,25 @@ def serve(folder: str, address: str) -> int:
         return 0
 
 
+def update(comrad: str) -> int:
+    """Writes the generated parts of pages in the checkout."""
+    for page, text, wanted in reference.generated_parts(HOME, comrad):
+        if text != wanted:
+            page.write_text(wanted, encoding="utf-8")
+            print(page.relative_to(HOME))
+    return 0
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--comrad", required=True)
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--build", type=pathlib.Path)
     what.add_argument("--serve", metavar="ADDRESS:PORT")
+    what.add_argument("--update", action="store_true")
     arguments = parser.parse_args()
+    if arguments.update:
+        return update(arguments.comrad)
     if arguments.build:
         return build(arguments.comrad, arguments.build.resolve())
     with tempfile.TemporaryDirectory(prefix="comrad_site_") as folder:

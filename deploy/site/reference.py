@@ -1,10 +1,13 @@
 """The pages that the program and the sources write: commands, settings, errors, and what each file is for."""
 
+import functools
 import html
+import json
 import os
 import pathlib
 import re
 import subprocess
+from collections.abc import Iterator
 
 from stage import MADE_BY_TOOLS, PARTS, folder_page
 
@@ -116,6 +119,30 @@ def files(home: pathlib.Path, part: str) -> tuple[str, list[str]]:
         else:
             page += f'\n<a id="{anchor}"></a>\n'
     return page, silent
+
+
+def layout_parameters(comrad: str, scenario: str) -> str:
+    """What a scenario's recipe can be told, as `comrad scenarios describe` knows it."""
+    described = json.loads(output_of(comrad, "scenarios", "describe", scenario, "--json"))
+    rows = "".join(
+        f"| `{one['name']}` | {one['default']} | {one['low']} to {one['high']} | {cell(one['help'])} |\n" for one in described["layout_parameters"]
+    )
+    return f"| parameter | default | range | meaning |\n| --- | ---: | --- | --- |\n{rows}"
+
+
+def generated_parts(home: pathlib.Path, comrad: str) -> Iterator[tuple[pathlib.Path, str, str]]:
+    """The parts of pages in the repository that the program writes: the page, the text as it is, and as it should be."""
+    parts = [(home / "learner/METRICS.md", "comrad help metrics", lambda: output_of(comrad, "help", "metrics", "--markdown"))]
+    for recipe in sorted(home.glob("scenarios/*/layout.cc")):
+        name = recipe.parent.name
+        parts.append((recipe.parent / "README.md", "comrad scenarios describe", functools.partial(layout_parameters, comrad, name)))
+    for page, mark, write in parts:
+        text = page.read_text(encoding="utf-8")
+        before, begin, rest = text.partition(f"<!-- {mark}: begin -->\n")
+        _, end, after = rest.partition(f"<!-- {mark}: end -->\n")
+        if not begin or not end:
+            raise SystemExit(f"comrad docs: error: {page}: expected lines <!-- {mark}: begin --> and <!-- {mark}: end -->")
+        yield page, text, before + begin + write() + end + after
 
 
 def write_all(stage, comrad: str) -> None:

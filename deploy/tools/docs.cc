@@ -15,13 +15,13 @@ namespace {
 
 struct DocsOptions {
   std::string build, address = "127.0.0.1:8000";
-  bool serve = false;
+  bool serve = false, update = false;
 };
 
 /// The words of docs.py. Errors: bad options; kNotFound without the sources of the pages, or without MkDocs.
 Expected<std::vector<std::string>> docs_words(const DocsOptions& options) {
-  if (options.serve == !options.build.empty())
-    return Error{ErrorCode::kBadInput, "expected --serve or --build DIR"};
+  if (options.serve + options.update + !options.build.empty() != 1)
+    return Error{ErrorCode::kBadInput, "expected --serve, --build DIR or --update, one of them"};
   const std::string script = data_dir() + "/deploy/site/docs.py";
   if (!std::filesystem::exists(script))
     return Error{ErrorCode::kNotFound,
@@ -32,7 +32,9 @@ Expected<std::vector<std::string>> docs_words(const DocsOptions& options) {
                         "no Python here can import mkdocs-material; ./comrad docs installs it in the build "
                         "folder, or name a Python that has it: COMRAD_DOCS_PYTHON=FILE"));
   std::vector<std::string> words = {python, "-B", script, "--comrad", sibling_program("comrad")};
-  if (options.serve)
+  if (options.update)
+    words.emplace_back("--update");
+  else if (options.serve)
     words.insert(words.end(), {"--serve", options.address});
   else
     words.insert(words.end(), {"--build", options.build});
@@ -44,13 +46,16 @@ Expected<std::vector<std::string>> docs_words(const DocsOptions& options) {
 int docs_command(Arguments arguments) {
   DocsOptions options;
   CommandLine line(
-      "docs --serve [--address ADDRESS:PORT] | --build DIR",
+      "docs --serve [--address ADDRESS:PORT] | --build DIR | --update",
       "Builds the documentation as a site: the pages of the folders, and a reference of commands, settings,\n"
       "metrics and files that the program writes. Reading it needs no network.");
   line.add_switch("serve", options.serve, "build it and serve it until Ctrl-C");
   line.add_option("address", options.address, "ADDRESS:PORT",
                   "where --serve listens (default 127.0.0.1:8000)");
   line.add_option("build", options.build, "DIR", "write it into this folder, which is emptied first");
+  line.add_switch(
+      "update", options.update,
+      "write the parts of the pages in this checkout that the program writes: metrics, layout parameters");
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("docs", parsed.error());
   if (line.help_requested()) {
     std::fputs(line.help().c_str(), stdout);

@@ -199,7 +199,7 @@ TEST(Docs, SaysWhatItExpected) {
        {std::vector<std::string>{"docs"}, {"docs", "--serve", "--build", "x"}}) {
     const Ending ending = comrad(words);
     EXPECT_EQ(ending.exit_code, 2);
-    EXPECT_THAT(ending.err, HasSubstr("expected --serve or --build DIR"));
+    EXPECT_THAT(ending.err, HasSubstr("expected --serve, --build DIR or --update"));
   }
 }
 

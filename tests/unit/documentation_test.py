@@ -7,7 +7,8 @@
 * Every `name` in the first column of a table whose head begins with "file" or "folder" exists: beside the Markdown file, in
   a folder that the head names in backticks, or in the folder of the first name of the same cell. `.cc` after `x.h` is `x.cc`;
   `*` is a wildcard; names with < or a space are left alone.
-* README.md has at most ROOT_WORDS_MAX words, <folder>/README.md at most FOLDER_WORDS_MAX.
+* README.md has at most ROOT_WORDS_MAX words, <folder>/README.md at most FOLDER_WORDS_MAX, and all pages together at most
+  PAGES_WORDS_MAX of those that a person writes: outside of code blocks, of links' targets and of what a program writes.
 
 First the same checks run over a folder made for it that breaks each rule once, and must find every fault.
 """
@@ -19,6 +20,8 @@ import tempfile
 
 ROOT_WORDS_MAX = 450
 FOLDER_WORDS_MAX = 500
+PAGES_WORDS_MAX = 40_000
+GENERATED = re.compile(r"<!-- results -->.*?<!-- end of results -->|<!-- (comrad [\w ]+): begin -->.*?<!-- \1: end -->", re.DOTALL)
 NOT_OURS = {".git", "build", "train_dir"}
 MADE_BY_TOOLS = {"CMakeCache.txt", "pyvenv.cfg"}  # a build folder, a Python environment: whatever they are called
 
@@ -111,12 +114,32 @@ def long_readmes(root):
             yield f"{name}: {words} words, at most {most}: move what is longer to a file beside it"
 
 
+def written_words(text):
+    """How many words of a page a person wrote. A page whose first lines say that a command wrote it has none."""
+    if re.match(r".{0,200}Written by `", text, re.DOTALL):
+        return 0
+    text = GENERATED.sub("", text)
+    text = re.sub(r"^```.*?^```[^\n]*$", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\]\([^)]*\)", "] ", text)
+    return sum(1 for word in text.split() if re.search(r"\w", word))
+
+
+def too_many_words(root):
+    words = {}
+    for name in markdown_files(root):
+        with open(os.path.join(root, name), encoding="utf-8") as file:
+            words[name] = written_words(file.read())
+    if sum(words.values()) > PAGES_WORDS_MAX:
+        longest = ", ".join(f"{name} {words[name]}" for name in sorted(words, key=words.get)[:-6:-1])
+        yield f"the pages have {sum(words.values())} words, at most {PAGES_WORDS_MAX}: shorten or delete; the longest are {longest}"
+
+
 def findings(root):
     found = []
     for name in markdown_files(root):
         found += broken_links(root, name)
         found += missing_files(root, name)
-    return found + list(long_readmes(root))
+    return found + list(long_readmes(root)) + list(too_many_words(root))
 
 
 SAMPLE = """# A sample
@@ -142,13 +165,15 @@ def check_itself():
         os.makedirs(os.path.join(root, "part"))
         os.makedirs(os.path.join(root, "made"))
         texts = {"there.md": "# A heading\n", "made/CMakeCache.txt": "", "made/foreign.md": "[bad](nowhere.md)", "part/one.h": "", "part/one.cc": "", "part/two.h": "",
-                 "README.md": SAMPLE, "part/README.md": "word " * (FOLDER_WORDS_MAX + 1)}
+                 "README.md": SAMPLE, "part/README.md": "word " * (FOLDER_WORDS_MAX + 1),
+                 "part/long.md": "word " * PAGES_WORDS_MAX, "part/made.md": "# M\nWritten by `x`. " + "word " * PAGES_WORDS_MAX}
         for name, text in texts.items():
             with open(os.path.join(root, name), "w", encoding="utf-8") as file:
                 file.write(text)
         found = "\n".join(findings(root))
         wanted = ["README.md:3: the link nowhere.md", "README.md:3: there.md#no-heading", "README.md:4: the link no_picture.png",
-                  "README.md:10: there is no gone.h", "README.md:11: there is no part/three.*", f"part/README.md: {FOLDER_WORDS_MAX + 1} words"]
+                  "README.md:10: there is no gone.h", "README.md:11: there is no part/three.*", f"part/README.md: {FOLDER_WORDS_MAX + 1} words", f"{PAGES_WORDS_MAX}: shorten"]
+        assert written_words("a [b](c d) | `e`\n```\nf\n```\n<!-- comrad x: begin -->\ng\n<!-- comrad x: end -->\n") == 3
         missed = [text for text in wanted if text not in found]
         if missed or found.count("\n") + 1 != len(wanted):
             sys.exit(f"the check itself is broken: it missed {missed}; it found\n{found}")

@@ -19,6 +19,7 @@ import urllib.parse
 HOME = pathlib.Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(HOME / "deploy" / "site"))
 from page_commands import NEEDS, blocks_of, commands_in, is_complete, need_of  # noqa: E402
+from reference import generated_parts  # noqa: E402
 from stage import pages_of  # noqa: E402
 
 TIMEOUT_S = 600
@@ -147,19 +148,13 @@ def wrong_commands(comrad: str) -> list[str]:
     return found
 
 
-def metrics_differ(comrad: str) -> bool:
-    """Whether learner/METRICS.md shows other tables than the program prints."""
-    printed = subprocess.run([comrad, "help", "metrics", "--markdown"], stdout=subprocess.PIPE, text=True, check=True).stdout
-    page = (HOME / "learner/METRICS.md").read_text(encoding="utf-8")
-    shown = re.search(r"<!-- comrad help metrics: begin -->\n(.*?)\n*<!-- comrad help metrics: end -->", page, re.DOTALL)
-    return shown is None or shown[1].strip() != printed.strip()
-
-
 def main() -> int:
     check_itself()
     comrad, python = map(os.path.abspath, sys.argv[1:])
-    if metrics_differ(comrad):
-        print("learner/METRICS.md differs from `comrad help metrics --markdown`: put its output between the marks")
+    os.environ["COMRAD_HOME"] = str(HOME)
+    old = [str(page.relative_to(HOME)) for page, text, wanted in generated_parts(HOME, comrad) if text != wanted]
+    if old:
+        print(f"{', '.join(old)}: the program writes other tables; run `comrad docs --update`")
         return 1
     wrong = wrong_commands(comrad)
     if wrong:

@@ -920,5 +920,26 @@ class ResultsPage(WithFolder):
         self.assertEqual(page.read_text(), "<!-- results -->\n")
 
 
+class Rates(unittest.TestCase):
+    def draw(self, *words):
+        program = HERE.parents[3] / "deploy" / "report" / "rates.py"
+        return subprocess.run([sys.executable, "-B", str(program), *map(str, words)], capture_output=True, text=True, timeout=300)
+
+    def test_the_kept_rates_become_two_charts(self):
+        with tempfile.TemporaryDirectory() as folder:
+            done = self.draw(folder)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            for name in ("pipeline.png", "simulator.png"):
+                self.assertGreater(pathlib.Path(folder, name).stat().st_size, 1000)
+
+    def test_an_entry_without_a_rate_is_named_as_bad_input(self):
+        with tempfile.TemporaryDirectory() as folder:
+            rates = pathlib.Path(folder, "rates.toml")
+            rates.write_text("[[pipeline]]\ncores = 2\n")
+            done = self.draw(folder, "--rates", rates)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("needs rates", done.stderr)
+
+
 if __name__ == "__main__":
     unittest.main()
