@@ -6,7 +6,7 @@
 #include <string>
 
 #include "deploy/launch/launch_plan.h"
-#include "deploy/launch/signal_desk.h"
+#include "deploy/launch/signal_queue.h"
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad::deploy {
@@ -41,7 +41,7 @@ class HalfWrittenFilm {
  private:
   std::string video_;
   std::filesystem::path name_, finished_name_;
-  std::optional<SignalDesk> signals_;
+  std::optional<SignalQueue> signals_;
 };
 
 }  // namespace comrad::deploy

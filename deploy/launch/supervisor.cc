@@ -16,7 +16,7 @@
 #include "deploy/launch/run_hub.h"
 #include "deploy/launch/run_report.h"
 #include "deploy/launch/run_snapshot.h"
-#include "deploy/launch/signal_desk.h"
+#include "deploy/launch/signal_queue.h"
 #include "deploy/launch/supervision.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
@@ -103,7 +103,7 @@ class Supervisor {
 
   const LaunchPlan& plan_;
   const Clock& clock_;
-  SignalDesk signals_;  // before everything that starts threads
+  SignalQueue signals_;  // before everything that starts threads
   ProgressPrinter printer_;
   RunEvaluationFolder evaluations_;
   RunHub hub_;

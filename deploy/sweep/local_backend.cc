@@ -16,7 +16,7 @@
 #include <optional>
 
 #include "deploy/launch/progress.h"
-#include "deploy/launch/signal_desk.h"
+#include "deploy/launch/signal_queue.h"
 #include "deploy/process/child_process.h"
 #include "deploy/process/child_program.h"
 #include "deploy/sweep/report_step.h"
@@ -169,7 +169,7 @@ class LocalSweep {
   }
 
   const SweepFolder& folder_;
-  SignalDesk signals_;
+  SignalQueue signals_;
   std::vector<LocalSlot> slots_;
   std::vector<Attempt> attempts_;  // of each slot
   std::deque<const SweepRun*> waiting_;

@@ -15,7 +15,7 @@
 #include <optional>
 #include <thread>
 
-#include "deploy/launch/signal_desk.h"
+#include "deploy/launch/signal_queue.h"
 #include "deploy/process/child_program.h"
 #include "deploy/sweep/search_program.h"
 #include "deploy/sweep/sweep_results.h"
@@ -86,7 +86,7 @@ Status requeue(const std::string& element) {
 
 /// Until Slurm ends this element, which it does after a requeue. An element that leaves first may be taken for one that is
 /// complete, and is not queued again.
-void wait_for_the_end(SignalDesk& signals) {
+void wait_for_the_end(SignalQueue& signals) {
   constexpr int kSeconds = 60;
   for (int second = 0; second < kSeconds; ++second) {
     pollfd source{.fd = signals.descriptor(), .events = POLLIN, .revents = 0};
@@ -281,7 +281,7 @@ class Element {
   const SweepFolder& folder_;
   const SweepRun& run_;
   const ElementOptions& options_;
-  SignalDesk signals_;
+  SignalQueue signals_;
   const std::string run_dir_, job_;
   RunRecord record_;
   Descriptor log_;

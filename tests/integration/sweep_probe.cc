@@ -29,7 +29,7 @@
 #include <vector>
 
 #include "deploy/launch/run_directory.h"
-#include "deploy/launch/signal_desk.h"
+#include "deploy/launch/signal_queue.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/existing_run.h"
 #include "deploy/sweep/local_backend.h"
@@ -103,7 +103,7 @@ int train(const std::vector<std::string>& words) {
     (void)!write(log, line.data(), line.size());
     close(log);
   };
-  SignalDesk signals;
+  SignalQueue signals;
   std::filesystem::create_directories(run_dir + "/checkpoint");
   const int lock = open((run_dir + "/.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (flock(lock, LOCK_EX | LOCK_NB) != 0) {

@@ -9,12 +9,12 @@ namespace comrad::deploy {
 /// lives, and keeps SIGPIPE away: a reader of
 /// our progress that leaves must not end the run. Make it before everything that starts threads, so that they inherit
 /// the mask.
-class SignalDesk {
+class SignalQueue {
  public:
-  SignalDesk();
-  SignalDesk(const SignalDesk&) = delete;
-  SignalDesk& operator=(const SignalDesk&) = delete;
-  ~SignalDesk();
+  SignalQueue();
+  SignalQueue(const SignalQueue&) = delete;
+  SignalQueue& operator=(const SignalQueue&) = delete;
+  ~SignalQueue();
 
   /// Readable while a signal is pending; -1 if the system gave none (errno says why).
   int descriptor() const { return descriptor_; }

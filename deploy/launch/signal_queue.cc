@@ -1,4 +1,4 @@
-#include "deploy/launch/signal_desk.h"
+#include "deploy/launch/signal_queue.h"
 
 #include <sys/signalfd.h>
 #include <unistd.h>
@@ -7,7 +7,7 @@
 
 namespace comrad::deploy {
 
-SignalDesk::SignalDesk() {
+SignalQueue::SignalQueue() {
   sigset_t mask = heard_of({SIGINT, SIGTERM, SIGHUP, SIGUSR1});
   sigaddset(&mask, SIGCHLD);
   descriptor_ = signalfd(-1, &mask, SFD_CLOEXEC | SFD_NONBLOCK);
@@ -16,7 +16,7 @@ SignalDesk::SignalDesk() {
   pthread_sigmask(SIG_BLOCK, &mask, &before_);
 }
 
-SignalDesk::~SignalDesk() {
+SignalQueue::~SignalQueue() {
   if (descriptor_ >= 0) close(descriptor_);
   const timespec at_once{};
   while (sigtimedwait(&taken_, nullptr, &at_once) > 0) {
@@ -24,7 +24,7 @@ SignalDesk::~SignalDesk() {
   pthread_sigmask(SIG_SETMASK, &before_, nullptr);
 }
 
-int SignalDesk::next() {
+int SignalQueue::next() {
   signalfd_siginfo info{};
   return read(descriptor_, &info, sizeof info) == sizeof info ? static_cast<int>(info.ssi_signo) : 0;
 }
