@@ -5,7 +5,7 @@
 //   loss  = w mean_h huber(Q_h(o, a_h) - y_h)
 //
 // An agent's way ends where it leaves the game, also while the world goes on: then y_h is r alone, plus what the
-// agent is paid while it is out, discounted (rollout_buffer/replay/late_pay.h). Every reward is clipped to
+// agent is paid while it is out, discounted (rollout_buffer/replay/post_death_reward.h). Every reward is clipped to
 // +-dqn_reward_clip by itself, targets are not. Drawn are single decisions of single agents,
 // prioritised by mean_h |TD_h|; with a recurrent core whole sequences. Source: Mnih et al. 2015; Schaul et
 // al. 2016, arXiv:1511.05952.

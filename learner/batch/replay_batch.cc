@@ -161,7 +161,7 @@ class WorldWriter {
 
   ReplayBatch& batch_;
   const EnvShape& env_;
-  replay::LatePay pay_;
+  replay::PostDeathReward pay_;
   bool agents_end_;
   int64_t agents_, first_;
 };

@@ -66,10 +66,10 @@ struct ReplayBatchOptions {
   replay::Unit unit = replay::Unit::kSequence;
   int64_t world_count = 1;
   int64_t n_step = 1;  ///< single decisions
-  replay::LatePay pay =
+  replay::PostDeathReward pay =
       {};  ///< discount inside the rewards of single decisions, and the clip of each payment
   /// Agents learn each on its own: where one leaves the game while the world goes on, its last decision is
-  /// terminated and paid what follows (see late_pay.h). Off: a team is paid, and goes on without it.
+  /// terminated and paid what follows (see post_death_reward.h). Off: a team is paid, and goes on without it.
   bool agents_end = false;
   torch::Device device = torch::kCPU;  ///< that copies the frames while the host goes on
 };

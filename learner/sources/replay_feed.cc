@@ -102,7 +102,7 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
                      .capacity_transitions = share.capacity_transitions,
                      .file = share.file,
                      .compress = share.compress,
-                     .late_pay = learns_alone ? std::optional(batch_options.pay) : std::nullopt},
+                     .post_death_reward = learns_alone ? std::optional(batch_options.pay) : std::nullopt},
            .unit = unit,
            .prioritized = config.replay.per,
            .omega = config.replay.per_omega}));

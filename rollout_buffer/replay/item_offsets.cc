@@ -42,7 +42,7 @@ ItemOffsets::ItemOffsets(const TrajectoryShape& shape, const ItemForm& form) {
   global_state = place(rows * shape.env.global_state_count * 4);
   final_global_state = place(finals * shape.env.global_state_count * 4);
   reward = place(length * agents * 4);
-  late_reward = place(form.has_late ? agents * 4 : 0);
+  post_death_reward = place(form.has_post_death_reward ? agents * 4 : 0);
   frame_ends = place(form.compressed ? frame_count * 4 : 0);
   action = place(length * agents * shape.env.head_count);
   agent_active = place(rows * agents);
@@ -64,7 +64,7 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
   item.form = {.length = steps,
                .has_state = kept.has_state && shape.recurrent_state_count > 0,
                .compressed = kept.compressed,
-               .has_late = kept.has_late};
+               .has_post_death_reward = kept.has_post_death_reward};
   item.final_rows.clear();
   item.broken_decisions = 0;
   if (steps == 0) return;

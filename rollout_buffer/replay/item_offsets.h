@@ -13,12 +13,12 @@ namespace comrad::replay {
 
 /// What the index knows about an item; together with the run's shape it fixes where every byte lies.
 struct ItemForm {
-  int32_t length = 0;       ///< L filled steps, 1..T
-  int32_t finals = 0;       ///< F rows of true last observations, 0..K
-  bool has_mask = false;    ///< some choice was forbidden somewhere; else no mask is stored
-  bool has_state = false;   ///< the recurrent state before step 0 is stored
-  bool compressed = false;  ///< each frame is an LZ4 block of its own
-  bool has_late = false;    ///< there is room for rewards that are paid behind the trajectory
+  int32_t length = 0;                  ///< L filled steps, 1..T
+  int32_t finals = 0;                  ///< F rows of true last observations, 0..K
+  bool has_mask = false;               ///< some choice was forbidden somewhere; else no mask is stored
+  bool has_state = false;              ///< the recurrent state before step 0 is stored
+  bool compressed = false;             ///< each frame is an LZ4 block of its own
+  bool has_post_death_reward = false;  ///< there is room for rewards that are paid behind the trajectory
 };
 
 /// Byte offsets from the start of an item, a pure function of shape and form.
@@ -32,7 +32,7 @@ struct ItemOffsets {
   int64_t global_state = 0;        ///< f32 [L+1, S]
   int64_t final_global_state = 0;  ///< f32 [F, S]
   int64_t reward = 0;              ///< f32 [L, N]
-  int64_t late_reward = 0;         ///< f32 [N], see late_pay.h
+  int64_t post_death_reward = 0;   ///< f32 [N], see post_death_reward.h
   int64_t frame_ends = 0;    ///< u32 [(L+1+F) * N], end of each LZ4 block behind `frames`; compressed only
   int64_t action = 0;        ///< u8  [L, N, heads]
   int64_t agent_active = 0;  ///< u8  [L+1, N]
@@ -63,7 +63,7 @@ struct PackedItem {
 /// recurrent state that is not finite breaks every decision of its agent. A broken decision makes its step invalid for all agents,
 /// and so does a broken observation behind the step. Numbers that were not finite become 0, actions 0, masks
 /// all ones. True last observations are kept of truncated steps: nothing bootstraps from a terminated one.
-/// `kept` says what the form keeps: has_state, compressed and has_late are read; its other fields are found.
+/// `kept` says what the form keeps: has_state, compressed and has_post_death_reward are read; its other fields are found.
 void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabView& slab, uint32_t length,
                PackedItem& item);
 

@@ -88,7 +88,7 @@ std::string difference(const SnapshotHeader& saved, const SnapshotHeader& ours) 
 
 uint32_t flags_of(const ItemForm& form) {
   return (form.has_mask ? kFlagMask : 0) | (form.has_state ? kFlagState : 0) |
-         (form.compressed ? kFlagCompressed : 0) | (form.has_late ? kFlagLate : 0);
+         (form.compressed ? kFlagCompressed : 0) | (form.has_post_death_reward ? kFlagLate : 0);
 }
 
 std::span<const std::byte> frame_bytes_of(std::span<const uint8_t> frames) { return std::as_bytes(frames); }
@@ -185,10 +185,11 @@ std::span<const float> StoredTrajectory::reward(int step) const {
   return field<float>(offsets_.reward, step, agents());
 }
 
-float StoredTrajectory::late_reward(int agent) const {
+float StoredTrajectory::post_death_reward(int agent) const {
   COMRAD_DCHECK(agent >= 0 && agent < agents(), "the agent exists");
-  return form_.has_late ? field<float>(offsets_.late_reward, 0, agents())[static_cast<std::size_t>(agent)]
-                        : 0;
+  return form_.has_post_death_reward
+             ? field<float>(offsets_.post_death_reward, 0, agents())[static_cast<std::size_t>(agent)]
+             : 0;
 }
 
 bool StoredTrajectory::terminated(int step) const { return flag(offsets_.terminated, step) != 0; }
@@ -247,7 +248,7 @@ Expected<TrajectoryStore> TrajectoryStore::create(const StoreOptions& options) {
                    .has_mask = true,
                    .has_state = options.keep_recurrent_state && shape.recurrent_state_count > 0,
                    .compressed = options.compress,
-                   .has_late = options.late_pay.has_value()};
+                   .has_post_death_reward = options.post_death_reward.has_value()};
   const int64_t largest_bytes = round_up(ItemOffsets(shape, largest).raw_bytes);
   if (largest_bytes > int64_t{std::numeric_limits<uint32_t>::max()})
     return Error{ErrorCode::kBadInput, "a trajectory of " + bytes_text(largest_bytes) +
@@ -291,7 +292,7 @@ void TrajectoryStore::prepare(const SlabView& slab, uint32_t length) {
   pack_item(shape(),
             {.has_state = options_.keep_recurrent_state,
              .compressed = options_.compress,
-             .has_late = options_.late_pay.has_value()},
+             .has_post_death_reward = options_.post_death_reward.has_value()},
             slab, length, packed_);
   block_bytes_ = 0;
   if (!options_.compress || packed_.form.length == 0) return;
@@ -341,8 +342,9 @@ ItemId TrajectoryStore::commit(const SlabView& slab, const SlabOrigin& origin) {
     return kNoItem;
   }
   const ItemId id = end_ - 1;
-  if (options_.late_pay) {
-    for (const LatePayLedger::Payment& payment : ledger_.enter(item(id), id, origin, *options_.late_pay)) {
+  if (options_.post_death_reward) {
+    for (const PostDeathLedger::Payment& payment :
+         ledger_.enter(item(id), id, origin, *options_.post_death_reward)) {
       const Status paid = add_late_reward(payment.item, payment.agent, payment.amount);
       if (!paid && !write_error_) write_error_ = paid.error();
     }
@@ -353,10 +355,11 @@ ItemId TrajectoryStore::commit(const SlabView& slab, const SlabOrigin& origin) {
 Status TrajectoryStore::add_late_reward(ItemId id, int agent, double amount) {
   if (!contains(id)) return {};  // evicted meanwhile
   const Slot& slot = slots_[static_cast<std::size_t>(id - oldest())];
-  const auto sum = static_cast<float>(item(id).late_reward(agent) + amount);
-  if (!slot.form.has_late || !std::isfinite(sum)) return {};  // read from a snapshot that has no room for it
+  const auto sum = static_cast<float>(item(id).post_death_reward(agent) + amount);
+  if (!slot.form.has_post_death_reward || !std::isfinite(sum))
+    return {};  // read from a snapshot that has no room for it
   const auto bytes = std::as_bytes(std::span<const float>(&sum, 1));
-  return memory_->write(slot.offset + ItemOffsets(shape(), slot.form).late_reward + int64_t{agent} * 4,
+  return memory_->write(slot.offset + ItemOffsets(shape(), slot.form).post_death_reward + int64_t{agent} * 4,
                         std::array{bytes});
 }
 
@@ -571,7 +574,7 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
                         .has_mask = (section.flags & kFlagMask) != 0,
                         .has_state = (section.flags & kFlagState) != 0,
                         .compressed = (section.flags & kFlagCompressed) != 0,
-                        .has_late = (section.flags & kFlagLate) != 0};
+                        .has_post_death_reward = (section.flags & kFlagLate) != 0};
     const bool keeps_state = options_.keep_recurrent_state && shape().recurrent_state_count > 0;
     if (form.has_state != keeps_state || form.compressed != (saved.compressed != 0))
       return bad("a trajectory does not fit the header");

@@ -13,7 +13,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/replay/item_offsets.h"
-#include "rollout_buffer/replay/late_pay.h"
+#include "rollout_buffer/replay/post_death_reward.h"
 #include "rollout_buffer/replay/ring_memory.h"
 #include "rollout_buffer/replay/snapshot_file.h"
 #include "rollout_buffer/schema/trajectory.h"
@@ -34,7 +34,7 @@ struct StoreOptions {
   bool keep_recurrent_state = true;
   /// Where agents learn each on its own: what is paid to an agent that is out of the game in a later trajectory
   /// is added to the one that holds its last decision.
-  std::optional<LatePay> late_pay = {};
+  std::optional<PostDeathReward> post_death_reward = {};
 };
 
 /// A view of one live item. Valid until the next append(), commit() or load().
@@ -63,7 +63,7 @@ class StoredTrajectory {
   std::span<const float> reward(int step) const;          ///< [N]
   /// What was paid in later trajectories for the last decision in this one to an agent that is out of the game
   /// at its end, discounted to row L. 0 for others.
-  float late_reward(int agent) const;
+  float post_death_reward(int agent) const;
   bool terminated(int step) const;
   bool truncated(int step) const;
   bool valid(int step) const;     ///< may be learned from, for every agent
@@ -116,7 +116,7 @@ class TrajectoryStore {
   /// Stores the `length` filled steps of a slab (more than T counts as T). What peers wrote is checked: see
   /// pack_item. Returns its id, or kNoItem where nothing was stored: no steps, or a failing disk
   /// (write_error()).
-  /// `origin` ties it to the trajectory before it, for late_pay.
+  /// `origin` ties it to the trajectory before it, for post_death_reward.
   ItemId append(const SlabView& slab, uint32_t length, const SlabOrigin& origin = {});
   /// append() in two halves: prepare checks and compresses and changes nothing a reader sees, commit takes
   /// the room and copies. The slab must not change between the two.
@@ -193,7 +193,7 @@ class TrajectoryStore {
   int64_t used_bytes_ = 0;
   int64_t broken_decisions_ = 0;
   std::optional<Error> write_error_;
-  LatePayLedger ledger_;
+  PostDeathLedger ledger_;
   // What prepare() leaves for commit().
   PackedItem packed_;
   std::vector<std::byte> blocks_;

@@ -1,14 +1,14 @@
-// Rewards of an agent that is out of the game. Where agents learn each on its own (IDQN), an agent's way ends
-// with its death although the world goes on: its last decision leads to
+// Post-death reward: rewards of an agent that is out of the game. Where each agent learns alone (IDQN), an agent's
+// trajectory ends with its death although the world continues: its last decision leads to
 //
 //   r_t + gamma r_{t+1} + ... + gamma^k r_{t+k}      and to no value behind it
 //
 // where rows t+1 to t+k are those in which it is out of the game, up to the end of its episode or until it is
-// back. A penalty for dying is usually paid in one of them. Coming back is the game's doing, not a result of
-// that decision, so the value of the life after it does not count, either; it begins a new way.
+// back. A penalty for dying is usually paid in one of them. The game respawns the agent, not that decision, so the
+// value of the next life does not count either: it begins a new trajectory.
 //
-// Rows t+1 to t+k may lie in later trajectories of the same environment: the ledger knows which agents are
-// still owed something, and by which item. Stage: seal > drain > replay > sample.
+// Rows t+1 to t+k may lie in later trajectories of the same environment: the ledger records which agents are
+// still owed rewards, and by which item. Stage: seal > drain > replay > sample.
 #pragma once
 
 #include <array>
@@ -25,15 +25,15 @@ namespace comrad::replay {
 class StoredTrajectory;
 
 /// How payments count.
-struct LatePay {
+struct PostDeathReward {
   double gamma = 0.99;
   double reward_clip = 0;  ///< each payment is clipped to +- this before it is discounted; 0: off
 
   double clipped(double reward) const;
 };
 
-/// Where a slab comes from. The next slab of an environment has the next rollout index, and goes on in the
-/// episode with which the one before ended.
+/// Where a slab comes from. The next slab of an environment has the next rollout index, and continues the
+/// episode with which the previous one ended.
 struct SlabOrigin {
   int64_t env_index = -1;  ///< -1: unknown, nothing carries over
   uint64_t rollout_index = 0;
@@ -50,11 +50,12 @@ struct PaidDecision {
   int payments = 0;          ///< rewards that were read in this trajectory
   int clipped_payments = 0;  ///< of those, changed by the clip
 };
-PaidDecision paid_decision(const StoredTrajectory& trajectory, int step, int agent, const LatePay& pay);
+PaidDecision paid_decision(const StoredTrajectory& trajectory, int step, int agent,
+                           const PostDeathReward& pay);
 
-/// Who is out of the game at the end of an environment's newest trajectory, and where its last decision is.
-/// Threads: none of its own and no locks.
-class LatePayLedger {
+/// Records which agents are out of the game at the end of an environment's newest trajectory, and which item holds
+/// each one's last decision. Threads: starts none, holds no locks.
+class PostDeathLedger {
  public:
   struct Payment {
     int64_t item = 0;
@@ -65,16 +66,16 @@ class LatePayLedger {
   /// Takes a trajectory in, which is item `id`. Returns what it pays to agents that went out of the game in
   /// earlier ones.
   std::vector<Payment> enter(const StoredTrajectory& trajectory, int64_t id, const SlabOrigin& origin,
-                             const LatePay& pay);
-  void clear() { tails_.clear(); }
+                             const PostDeathReward& pay);
+  void clear() { open_rewards_.clear(); }
 
-  /// For snapshots. Errors of restore (false, and an empty ledger): bytes that make no sense.
+  /// For snapshots. Errors of restore (false, and an empty ledger): malformed bytes.
   std::vector<std::byte> bytes() const;
   bool restore(std::span<const std::byte> bytes, int num_agents);
 
  private:
   /// Of one environment. As it lies in snapshots.
-  struct Tail {
+  struct OpenReward {
     int64_t env_index = 0;
     uint64_t next_rollout_index = 0;
     uint64_t episode_id = 0;                 ///< in which the next trajectory must begin
@@ -82,9 +83,9 @@ class LatePayLedger {
     std::array<double, kMaxAgents>
         discount{};  ///< of the next trajectory's first reward, from that item's end
   };
-  static_assert(sizeof(Tail) == 24 + kMaxAgents * 16, "no padding reaches the disk");
+  static_assert(sizeof(OpenReward) == 24 + kMaxAgents * 16, "no padding reaches the disk");
 
-  std::map<int64_t, Tail> tails_;  // only environments in which somebody is owed
+  std::map<int64_t, OpenReward> open_rewards_;  // only environments in which an agent is owed rewards
 };
 
 }  // namespace comrad::replay

@@ -1,4 +1,4 @@
-#include "rollout_buffer/replay/late_pay.h"
+#include "rollout_buffer/replay/post_death_reward.h"
 
 #include <gtest/gtest.h>
 
@@ -7,12 +7,12 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace late_pay_test {
+namespace post_death_reward_test {
 
 using test::SlabPool;
 
 constexpr int kAgents = 2;
-constexpr LatePay kPay{.gamma = 0.9, .reward_clip = 0.7};
+constexpr PostDeathReward kPay{.gamma = 0.9, .reward_clip = 0.7};
 
 /// What happened in one environment, row after row: agents die, come back, are paid; episodes end.
 struct History {
@@ -99,12 +99,12 @@ StoreOptions options_of(const Backing& backing, const std::string& file) {
           .capacity_bytes = 400'000,
           .file = backing.mapped ? file : "",
           .compress = backing.compressed,
-          .late_pay = kPay};
+          .post_death_reward = kPay};
 }
 
-class LatePayOn : public ::testing::TestWithParam<Backing> {};
+class PostDeathRewardOn : public ::testing::TestWithParam<Backing> {};
 
-TEST_P(LatePayOn, NothingPaidLaterIsLostOverSlabsEnvironmentsAndSnapshots) {
+TEST_P(PostDeathRewardOn, NothingPaidLaterIsLostOverSlabsEnvironmentsAndSnapshots) {
   const test::ScratchFolder folder;
   constexpr int kEnvs = 3, kSlabs = 12;
   auto store = *TrajectoryStore::create(options_of(GetParam(), folder / "ring"));
@@ -150,19 +150,19 @@ TEST_P(LatePayOn, NothingPaidLaterIsLostOverSlabsEnvironmentsAndSnapshots) {
         ASSERT_NEAR(paid_decision(store.item(id), step, agent, kPay).reward, expected, 1e-5)
             << "environment " << env << ", row " << begin + step << ", agent " << agent;
         last_decisions += is_last;
-        later_items += is_last && store.item(id).late_reward(agent) != 0;
+        later_items += is_last && store.item(id).post_death_reward(agent) != 0;
       }
   }
   EXPECT_GT(last_decisions, 20);
   EXPECT_GT(later_items, 5) << "deaths that are paid for in a later slab";
 }
 
-INSTANTIATE_TEST_SUITE_P(Every, LatePayOn, ::testing::ValuesIn(backings()), backing_name);
+INSTANTIATE_TEST_SUITE_P(Every, PostDeathRewardOn, ::testing::ValuesIn(backings()), backing_name);
 
 /// A death at the end of the first of two slabs, and a penalty of -0.5 in the second row of the next.
 double paid_across(const SlabOrigin& second, bool known = true) {
   auto store = *TrajectoryStore::create(
-      {.shape = shape_of(), .capacity_bytes = 100'000, .late_pay = LatePay{.gamma = 0.5}});
+      {.shape = shape_of(), .capacity_bytes = 100'000, .post_death_reward = PostDeathReward{.gamma = 0.5}});
   const SlabPool pool(shape_of(), 2);
   pool.view(0).agent_active(8, 1) = 0;
   for (int t = 0; t <= 8; ++t) pool.view(1).agent_active(t, 1) = 0;
@@ -173,7 +173,7 @@ double paid_across(const SlabOrigin& second, bool known = true) {
   return paid_decision(store.item(0), 7, 1, {.gamma = 0.5}).reward;
 }
 
-TEST(LatePay, OnlyTheNextSlabOfTheSameWorldPays) {
+TEST(PostDeathReward, OnlyTheNextSlabOfTheSameWorldPays) {
   EXPECT_DOUBLE_EQ(paid_across({.env_index = 2, .rollout_index = 8, .first_episode_id = 9}), 0.25 * -0.5);
   EXPECT_EQ(paid_across({.env_index = 3, .rollout_index = 8, .first_episode_id = 9}), 0);
   EXPECT_EQ(paid_across({.env_index = 2, .rollout_index = 9, .first_episode_id = 9}), 0)
@@ -182,8 +182,8 @@ TEST(LatePay, OnlyTheNextSlabOfTheSameWorldPays) {
   EXPECT_EQ(paid_across({.env_index = 2, .rollout_index = 8, .first_episode_id = 9}, false), 0);
 }
 
-TEST(LatePay, ALedgerFromADamagedSnapshotIsRefused) {
-  LatePayLedger ledger;
+TEST(PostDeathReward, ALedgerFromADamagedSnapshotIsRefused) {
+  PostDeathLedger ledger;
   EXPECT_TRUE(ledger.restore({}, 2));
   EXPECT_FALSE(ledger.restore(std::vector<std::byte>(17), 2));
   std::vector<std::byte> bytes(24 + kMaxAgents * 16, std::byte{0xFF});
@@ -196,5 +196,5 @@ TEST(LatePay, ALedgerFromADamagedSnapshotIsRefused) {
   EXPECT_TRUE(ledger.bytes().empty());
 }
 
-}  // namespace late_pay_test
+}  // namespace post_death_reward_test
 }  // namespace comrad::replay

@@ -1,4 +1,4 @@
-#include "rollout_buffer/replay/late_pay.h"
+#include "rollout_buffer/replay/post_death_reward.h"
 
 #include <algorithm>
 #include <cmath>
@@ -26,7 +26,7 @@ struct Paid {
 };
 
 /// A row that a peer broke ends it, as no return runs across such rows.
-Paid paid_from(const StoredTrajectory& trajectory, int first, int agent, const LatePay& pay) {
+Paid paid_from(const StoredTrajectory& trajectory, int first, int agent, const PostDeathReward& pay) {
   Paid paid;
   for (int step = first; step < trajectory.length(); ++step) {
     if (is_active(trajectory, step, agent) || !trajectory.valid(step)) {
@@ -62,7 +62,7 @@ int open_decision(const StoredTrajectory& trajectory, int agent) {
 
 }  // namespace
 
-double LatePay::clipped(double reward) const {
+double PostDeathReward::clipped(double reward) const {
   return reward_clip > 0 ? std::clamp(reward, -reward_clip, reward_clip) : reward;
 }
 
@@ -71,35 +71,37 @@ bool is_last_decision(const StoredTrajectory& trajectory, int step, int agent) {
          !is_active(trajectory, step + 1, agent);
 }
 
-PaidDecision paid_decision(const StoredTrajectory& trajectory, int step, int agent, const LatePay& pay) {
+PaidDecision paid_decision(const StoredTrajectory& trajectory, int step, int agent,
+                           const PostDeathReward& pay) {
   const double reward = double{trajectory.reward(step)[static_cast<std::size_t>(agent)]};
   PaidDecision decision{.reward = pay.clipped(reward), .payments = 1};
   decision.clipped_payments = decision.reward != reward;
   if (!is_last_decision(trajectory, step, agent)) return decision;
   Paid later = paid_from(trajectory, step + 1, agent, pay);
-  if (later.is_open) later.amount += later.discount * double{trajectory.late_reward(agent)};
+  if (later.is_open) later.amount += later.discount * double{trajectory.post_death_reward(agent)};
   decision.reward += pay.gamma * later.amount;
   decision.payments += later.payments;
   decision.clipped_payments += later.clipped_payments;
   return decision;
 }
 
-std::vector<LatePayLedger::Payment> LatePayLedger::enter(const StoredTrajectory& trajectory, int64_t id,
-                                                         const SlabOrigin& origin, const LatePay& pay) {
+std::vector<PostDeathLedger::Payment> PostDeathLedger::enter(const StoredTrajectory& trajectory, int64_t id,
+                                                             const SlabOrigin& origin,
+                                                             const PostDeathReward& pay) {
   std::vector<Payment> payments;
   if (origin.env_index < 0) return payments;
-  Tail before;
+  OpenReward before;
   before.item.fill(-1);
-  if (const auto known = tails_.find(origin.env_index); known != tails_.end()) {
+  if (const auto known = open_rewards_.find(origin.env_index); known != open_rewards_.end()) {
     // After a simulator's restart the world is another one: what was owed is lost with the old one.
     if (known->second.next_rollout_index == origin.rollout_index &&
         known->second.episode_id == origin.first_episode_id)
       before = known->second;
-    tails_.erase(known);
+    open_rewards_.erase(known);
   }
-  Tail after{.env_index = origin.env_index,
-             .next_rollout_index = origin.rollout_index + 1,
-             .episode_id = origin.first_episode_id};
+  OpenReward after{.env_index = origin.env_index,
+                   .next_rollout_index = origin.rollout_index + 1,
+                   .episode_id = origin.first_episode_id};
   for (int step = 0; step < trajectory.length(); ++step) after.episode_id += is_over(trajectory, step);
   bool is_owed = false;
   const int agents = static_cast<int>(trajectory.agent_active(0).size());
@@ -122,37 +124,37 @@ std::vector<LatePayLedger::Payment> LatePayLedger::enter(const StoredTrajectory&
     }
     is_owed |= after.item[index] >= 0;
   }
-  if (is_owed) tails_[origin.env_index] = after;
+  if (is_owed) open_rewards_[origin.env_index] = after;
   return payments;
 }
 
-std::vector<std::byte> LatePayLedger::bytes() const {
-  std::vector<std::byte> bytes(tails_.size() * sizeof(Tail));
+std::vector<std::byte> PostDeathLedger::bytes() const {
+  std::vector<std::byte> bytes(open_rewards_.size() * sizeof(OpenReward));
   std::size_t offset = 0;
-  for (const auto& [env_index, tail] : tails_) {
-    std::memcpy(bytes.data() + offset, &tail, sizeof tail);
-    offset += sizeof tail;
+  for (const auto& [env_index, open_reward] : open_rewards_) {
+    std::memcpy(bytes.data() + offset, &open_reward, sizeof open_reward);
+    offset += sizeof open_reward;
   }
   return bytes;
 }
 
-bool LatePayLedger::restore(std::span<const std::byte> bytes, int num_agents) {
+bool PostDeathLedger::restore(std::span<const std::byte> bytes, int num_agents) {
   clear();
-  if (bytes.size() % sizeof(Tail) != 0) return false;
-  for (std::size_t offset = 0; offset < bytes.size(); offset += sizeof(Tail)) {
-    Tail tail;
-    std::memcpy(&tail, bytes.data() + offset, sizeof tail);
-    bool sound = tail.env_index >= 0 && !tails_.contains(tail.env_index);
+  if (bytes.size() % sizeof(OpenReward) != 0) return false;
+  for (std::size_t offset = 0; offset < bytes.size(); offset += sizeof(OpenReward)) {
+    OpenReward open_reward;
+    std::memcpy(&open_reward, bytes.data() + offset, sizeof open_reward);
+    bool sound = open_reward.env_index >= 0 && !open_rewards_.contains(open_reward.env_index);
     for (std::size_t agent = 0; agent < kMaxAgents; ++agent) {
       const bool exists = static_cast<int>(agent) < num_agents;
-      sound &= tail.item[agent] >= -1 && (exists || tail.item[agent] == -1) && tail.discount[agent] >= 0 &&
-               tail.discount[agent] <= 1;
+      sound &= open_reward.item[agent] >= -1 && (exists || open_reward.item[agent] == -1) &&
+               open_reward.discount[agent] >= 0 && open_reward.discount[agent] <= 1;
     }
     if (!sound) {
       clear();
       return false;
     }
-    tails_[tail.env_index] = tail;
+    open_rewards_[open_reward.env_index] = open_reward;
   }
   return true;
 }
