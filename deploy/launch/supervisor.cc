@@ -13,8 +13,8 @@
 #include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
-#include "deploy/launch/run_hub.h"
 #include "deploy/launch/run_report.h"
+#include "deploy/launch/run_resources.h"
 #include "deploy/launch/run_snapshot.h"
 #include "deploy/launch/signal_queue.h"
 #include "deploy/launch/supervision.h"
@@ -59,8 +59,8 @@ class Supervisor {
         clock_(clock),
         printer_(STDERR_FILENO, plan.show_progress),
         evaluations_(plan.run_dir),
-        hub_(plan, clock, printer_),
-        supervision_(plan, clock, processes, evaluations_, hub_),
+        resources_(plan, clock, printer_),
+        supervision_(plan, clock, processes, evaluations_, resources_),
         report_(plan, clock, supervision_.meter(), supervision_.workers(), supervision_.evaluator()),
         snapshots_(plan, supervision_.meter(), supervision_.workers()) {}
 
@@ -106,7 +106,7 @@ class Supervisor {
   SignalQueue signals_;  // before everything that starts threads
   ProgressPrinter printer_;
   RunEvaluationFolder evaluations_;
-  RunHub hub_;
+  RunResources resources_;
   Supervision supervision_;
   RunReport report_;
   SnapshotTaker snapshots_;
@@ -124,9 +124,9 @@ Status Supervisor::prepare() {
   if (signals_.descriptor() < 0) return system_error("signalfd");
   link::remove_accounts(plan_.run_dir);
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
-  for (const std::string& text : plan_.notes) hub_.note("note: " + text);
+  for (const std::string& text : plan_.notes) resources_.note("note: " + text);
   COMRAD_TRY(open_doors());
-  hub_.warn_once(write_status(plan_.run_dir, report_.status("starting", "")));
+  resources_.warn_once(write_status(plan_.run_dir, report_.status("starting", "")));
   return {};
 }
 
@@ -143,7 +143,7 @@ Status Supervisor::open_doors() {
   const DoorSign sign = make_door_sign();
   Expected<ControlDoor> door = ControlDoor::open(sign.door, orders());
   if (door) door_.emplace(std::move(door).value());
-  hub_.warn_once(door ? write_door_sign(plan_.lock_descriptor, sign) : door.error());
+  resources_.warn_once(door ? write_door_sign(plan_.lock_descriptor, sign) : door.error());
   if (plan_.config.run.metrics_port == 0) return {};
   COMRAD_TRY_ASSIGN(page_, MetricsPage::open(static_cast<int>(plan_.config.run.metrics_port),
                                              [this] { return metrics_text(snapshot()); }));
@@ -155,13 +155,14 @@ void Supervisor::tick() {
   hear_signals();
   take_news();
   supervision_.tick();
-  if (hub_.is_open()) report();
+  if (resources_.is_open()) report();
   answer_visitors();
 }
 
 void Supervisor::wait_for_news() {
   std::vector<pollfd> sources{{.fd = signals_.descriptor(), .events = POLLIN, .revents = 0}};
-  if (hub_.socket() >= 0) sources.push_back({.fd = hub_.socket(), .events = POLLIN, .revents = 0});
+  if (resources_.socket() >= 0)
+    sources.push_back({.fd = resources_.socket(), .events = POLLIN, .revents = 0});
   supervision_.workers().append_outputs(sources);
   const bool hears_input = plan_.leaves_with_input && !has_input_ended_;
   if (hears_input) sources.push_back({.fd = STDIN_FILENO, .events = POLLIN, .revents = 0});
@@ -178,19 +179,20 @@ void Supervisor::hear_signals() {
     if (number == SIGCHLD) continue;  // supervision looks anyway
     if (number != SIGUSR1)
       supervision_.interrupt(number);
-    else if (plan_.trains() && hub_.is_open())
+    else if (plan_.trains() && resources_.is_open())
       (void)supervision_.ask_for_checkpoint("SIGUSR1");
   }
 }
 
 /// What the workers have asked, printed and counted since the last turn.
 void Supervisor::take_news() {
-  while (const std::optional<shm::JoinRequest> request = hub_.next_join())
+  while (const std::optional<shm::JoinRequest> request = resources_.next_join())
     supervision_.workers().note_joined(*request);
   supervision_.workers().read_output(printer_);
-  if (!hub_.is_open()) return;
-  hub_.drain_episodes(supervision_.meter());
-  if (const std::optional<dds::TrainStats> stats = supervision_.meter().take_report()) hub_.tell(*stats);
+  if (!resources_.is_open()) return;
+  resources_.drain_episodes(supervision_.meter());
+  if (const std::optional<dds::TrainStats> stats = supervision_.meter().take_report())
+    resources_.tell(*stats);
 }
 
 void Supervisor::report() {
@@ -205,17 +207,18 @@ void Supervisor::report() {
     return (phase == RunPhase::kPaused ? "paused | " : "") + report_.progress_line();
   };
   if (worker_status_timer_.is_due(now_s, kWorkerStatusIntervalS))
-    hub_.tell_of_workers(supervision_.workers().workers(), phase_word());
+    resources_.tell_of_workers(supervision_.workers().workers(), phase_word());
   if (status_timer_.is_due(now_s, kStatusIntervalS))
-    hub_.warn_once(write_status(plan_.run_dir, report_.status(is_over(phase) ? "running" : phase_word(),
-                                                              is_over(phase) ? stop_line() : line())));
+    resources_.warn_once(write_status(plan_.run_dir, report_.status(is_over(phase) ? "running" : phase_word(),
+                                                                    is_over(phase) ? stop_line() : line())));
   if (!is_over(phase) && line_timer_.is_due(now_s, line_interval_s())) printer_.line(line());
 }
 
 /// Queries do not wake the event loop: they are answered at the next turn, so that no number of them delays the run.
 void Supervisor::answer_visitors() {
   const double now_s = clock_.now_s();
-  if (hub_.is_open() && look_timer_.is_due(now_s, kLookIntervalS)) snapshots_.look(hub_.arena(), now_s);
+  if (resources_.is_open() && look_timer_.is_due(now_s, kLookIntervalS))
+    snapshots_.look(resources_.arena(), now_s);
   if (door_) door_->tick(now_s);
   if (page_) page_->tick();
 }
@@ -231,13 +234,14 @@ DoorOrders Supervisor::orders() {
 
 const RunSnapshot& Supervisor::snapshot() {
   const double now_s = clock_.now_s();
-  if (!hub_.is_open() || (snapshot_s_ > 0 && now_s - snapshot_s_ < kSnapshotLifetimeS)) return snapshot_;
+  if (!resources_.is_open() || (snapshot_s_ > 0 && now_s - snapshot_s_ < kSnapshotLifetimeS))
+    return snapshot_;
   snapshot_s_ = now_s;
   const RunPhase phase = supervision_.phase();
   const std::string words = is_over(phase)                 ? stop_line()
                             : phase == RunPhase::kStarting ? starting_line()
                                                            : report_.progress_line();
-  snapshot_ = snapshots_.take(hub_.arena(), report_.status(phase_word(), words), now_s);
+  snapshot_ = snapshots_.take(resources_.arena(), report_.status(phase_word(), words), now_s);
   return snapshot_;
 }
 
@@ -246,7 +250,7 @@ Status Supervisor::drain(const std::string& host) {
   const auto guest = std::ranges::find(run.hosts, host, &HostSnapshot::name);
   if (host != run.host && guest != run.hosts.end()) {
     COMRAD_TRY(link::ask_to_leave(plan_.run_dir, host));
-    hub_.note("comrad ctl: " + host + " is asked to leave; what it has played is delivered first");
+    resources_.note("comrad ctl: " + host + " is asked to leave; what it has played is delivered first");
     return {};
   }
   if (host == run.host)
@@ -264,7 +268,7 @@ Expected<RunOutcome> Supervisor::finish() {
   printer_.end();
   const RunMeter& meter = supervision_.meter();
   const std::string lost = meter.going_back_text();
-  hub_.warn_once(write_status(
+  resources_.warn_once(write_status(
       plan_.run_dir,
       report_.status(final_state_of(ending.reason), ending.message + (lost.empty() ? "" : "; " + lost))));
   if (ending.error) return *ending.error;

@@ -1,4 +1,4 @@
-#include "deploy/launch/run_hub.h"
+#include "deploy/launch/run_resources.h"
 
 #include <poll.h>
 #include <sys/random.h>
@@ -23,7 +23,7 @@ dds::RunControl desired(const char* state) {
 
 }  // namespace
 
-Status RunHub::open() {
+Status RunResources::open() {
   server_.reset();
   bus_.reset();
   arena_.reset();
@@ -49,7 +49,7 @@ Status RunHub::open() {
   return {};
 }
 
-std::optional<shm::JoinRequest> RunHub::next_join() {
+std::optional<shm::JoinRequest> RunResources::next_join() {
   pollfd waiting{.fd = socket(), .events = POLLIN, .revents = 0};
   if (poll(&waiting, 1, 0) <= 0) return std::nullopt;
   const Expected<shm::JoinRequest> request = server_->serve_one();
@@ -58,7 +58,7 @@ std::optional<shm::JoinRequest> RunHub::next_join() {
   return std::nullopt;
 }
 
-void RunHub::set_run_state(shm::RunState state) {
+void RunResources::set_run_state(shm::RunState state) {
   tell(desired(state == shm::RunState::kStopping ? "stopping"
                : state == shm::RunState::kPaused ? "paused"
                                                  : "running"));
@@ -76,12 +76,12 @@ void RunHub::set_run_state(shm::RunState state) {
       shm::ring(arena_->step_slots().acted(sim, split));
 }
 
-void RunHub::note(const std::string& text) {
+void RunResources::note(const std::string& text) {
   spdlog::info("{}", text);
   printer_.note(text);
 }
 
-void RunHub::drain_episodes(RunMeter& meter) {
+void RunResources::drain_episodes(RunMeter& meter) {
   while (const std::optional<EpisodeRecord> record =
              arena_->episodes().read(shm::EpisodeReader::kSupervisor)) {
     tell(dds::EpisodeResult{.scenario = plan_.config.run.scenario, .record = *record});
@@ -93,7 +93,7 @@ void RunHub::drain_episodes(RunMeter& meter) {
   }
 }
 
-void RunHub::tell_of_workers(const std::vector<Worker>& workers, const std::string& state) {
+void RunResources::tell_of_workers(const std::vector<Worker>& workers, const std::string& state) {
   static const std::string host = host_name();
   const double now_s = clock_.now_s();
   const double elapsed_s = workers_told_s_ > 0 ? now_s - workers_told_s_ : 0;
@@ -125,7 +125,7 @@ void RunHub::tell_of_workers(const std::vector<Worker>& workers, const std::stri
   }
 }
 
-void RunHub::warn_once(const Status& status) {
+void RunResources::warn_once(const Status& status) {
   if (status) return;
   spdlog::info("{}", status.error().message);
   if (!std::exchange(has_warned_, true)) printer_.note("warning: " + status.error().message);

@@ -21,16 +21,16 @@
 
 namespace comrad::deploy {
 
-/// Threads: the supervisor's. What the arguments name outlives the hub.
-class RunHub final : public RunEffects {
+/// Threads: the supervisor's. What the arguments name outlives them.
+class RunResources final : public RunEffects {
  public:
-  RunHub(const LaunchPlan& plan, const Clock& clock, ProgressPrinter& printer)
+  RunResources(const LaunchPlan& plan, const Clock& clock, ProgressPrinter& printer)
       : plan_(plan), clock_(clock), printer_(printer) {}
 
-  /// Makes all three anew, for a run that is starting.
+  /// Creates arena, socket and bus for a run that is starting.
   /// Errors: kNoSpace (arena), kBadInput, kSystem (socket, bus).
   Status open() override;
-  /// All three are there. Other methods want that, unless they say otherwise.
+  /// Arena, socket and bus exist. Other methods require that unless their comment states otherwise.
   bool is_open() const override { return bus_.has_value(); }
 
   const shm::Arena& arena() const override { return *arena_; }
@@ -43,7 +43,7 @@ class RunHub final : public RunEffects {
 
   /// Readable when a worker joins; -1 while there is no socket.
   int socket() const { return server_ ? server_->descriptor() : -1; }
-  /// The next worker that has joined, if one has. Also where the hub is not open.
+  /// The next worker that has joined, if one has. Also while the resources are closed.
   std::optional<shm::JoinRequest> next_join();
 
   /// Reads the simulators' episodes: on to monitors, and, of an evaluation, to the meter.
