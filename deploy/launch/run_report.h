@@ -5,8 +5,8 @@
 
 #include "deploy/launch/evaluator.h"
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/rate_meter.h"
 #include "deploy/launch/run_directory.h"
-#include "deploy/launch/run_meter.h"
 #include "deploy/launch/worker_table.h"
 #include "rollout_buffer/core/clock.h"
 
@@ -15,7 +15,7 @@ namespace comrad::deploy {
 /// Looks at the meter, the workers and the evaluations of one run; all outlive it. Threads: the supervisor's.
 class RunReport {
  public:
-  RunReport(const LaunchPlan& plan, const Clock& clock, const RunMeter& meter, const WorkerTable& workers,
+  RunReport(const LaunchPlan& plan, const Clock& clock, const RateMeter& meter, const WorkerTable& workers,
             const Evaluator& evaluator)
       : plan_(plan), clock_(clock), meter_(meter), workers_(workers), evaluator_(evaluator) {}
 
@@ -34,7 +34,7 @@ class RunReport {
 
   const LaunchPlan& plan_;
   const Clock& clock_;
-  const RunMeter& meter_;
+  const RateMeter& meter_;
   const WorkerTable& workers_;
   const Evaluator& evaluator_;
   const double began_s_ = clock_.now_s();

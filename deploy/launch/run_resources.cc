@@ -81,7 +81,7 @@ void RunResources::note(const std::string& text) {
   printer_.note(text);
 }
 
-void RunResources::drain_episodes(RunMeter& meter) {
+void RunResources::drain_episodes(RateMeter& meter) {
   while (const std::optional<EpisodeRecord> record =
              arena_->episodes().read(shm::EpisodeReader::kSupervisor)) {
     tell(dds::EpisodeResult{.scenario = plan_.config.run.scenario, .record = *record});

@@ -9,8 +9,8 @@
 
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/progress.h"
+#include "deploy/launch/rate_meter.h"
 #include "deploy/launch/run_effects.h"
-#include "deploy/launch/run_meter.h"
 #include "deploy/launch/worker_table.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/control_group.h"
@@ -47,7 +47,7 @@ class RunResources final : public RunEffects {
   std::optional<shm::JoinRequest> next_join();
 
   /// Reads the simulators' episodes: on to monitors, and, of an evaluation, to the meter.
-  void drain_episodes(RunMeter& meter);
+  void drain_episodes(RateMeter& meter);
   /// Tells monitors of the supervisor, which is in `state`, and of its simulators; the other workers speak
   /// for themselves.
   void tell_of_workers(const std::vector<Worker>& workers, const std::string& state);

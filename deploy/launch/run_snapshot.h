@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/rate_meter.h"
 #include "deploy/launch/run_accounts.h"
 #include "deploy/launch/run_directory.h"
-#include "deploy/launch/run_meter.h"
 #include "deploy/launch/worker_table.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/slab_pool.h"
@@ -73,7 +73,7 @@ std::string to_json(const RunSnapshot& run);
 /// Takes snapshots of one run; what the references name outlives it. Threads: the supervisor's.
 class SnapshotTaker {
  public:
-  SnapshotTaker(const LaunchPlan& plan, const RunMeter& meter, const WorkerTable& table)
+  SnapshotTaker(const LaunchPlan& plan, const RateMeter& meter, const WorkerTable& table)
       : plan_(plan), meter_(meter), table_(table) {}
 
   /// Once a second or so: rates of workers are between two looks.
@@ -92,7 +92,7 @@ class SnapshotTaker {
     double decisions_per_s = 0;
   };
   const LaunchPlan& plan_;
-  const RunMeter& meter_;
+  const RateMeter& meter_;
   const WorkerTable& table_;
   std::map<std::string, Look> looks_;
   std::map<std::string, GuestLook> guests_;  ///< other hosts that feed, by name

@@ -11,8 +11,8 @@
 #include "deploy/launch/evaluator.h"
 #include "deploy/launch/host_team.h"
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/rate_meter.h"
 #include "deploy/launch/run_effects.h"
-#include "deploy/launch/run_meter.h"
 #include "deploy/launch/run_phase.h"
 #include "deploy/launch/worker_table.h"
 #include "deploy/process/process_host.h"
@@ -64,8 +64,8 @@ class Supervision {
   const std::string& stop_words() const { return stop_words_; }
   double stopping_since_s() const { return stopping_since_s_; }  ///< 0: it does not
   int restarts() const;
-  RunMeter& meter() { return meter_; }
-  const RunMeter& meter() const { return meter_; }
+  RateMeter& meter() { return meter_; }
+  const RateMeter& meter() const { return meter_; }
   WorkerTable& workers() { return workers_; }
   const WorkerTable& workers() const { return workers_; }
   const Evaluator& evaluator() const { return evaluator_; }
@@ -98,7 +98,7 @@ class Supervision {
   const LaunchPlan& plan_;
   const Clock& clock_;
   RunEffects& effects_;
-  RunMeter meter_;
+  RateMeter meter_;
   WorkerTable workers_;
   Evaluator evaluator_;
   HostTeam hosts_;

@@ -266,7 +266,7 @@ Expected<RunOutcome> Supervisor::finish() {
   take_news();  // what the workers said last
   const RunEnding ending = supervision_.finish();
   printer_.end();
-  const RunMeter& meter = supervision_.meter();
+  const RateMeter& meter = supervision_.meter();
   const std::string lost = meter.going_back_text();
   resources_.warn_once(write_status(
       plan_.run_dir,

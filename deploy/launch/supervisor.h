@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/rate_meter.h"
 #include "deploy/launch/run_accounts.h"
-#include "deploy/launch/run_meter.h"
 #include "deploy/launch/run_phase.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"

@@ -81,7 +81,7 @@ TEST_F(WorkerTableTest, AWorkerThatStandsStillIsNamedAndTheRateIsZeroWhenNoneIsL
   EXPECT_EQ(table_->silence_text(), "sim-0 silent for 12s (SIGSTOP)");
   EXPECT_FALSE(table_->stands_still());
 
-  RunMeter meter(plan_);
+  RateMeter meter(plan_);
   meter.use(&arena_);
   shm::LearnerReport report;
   report.learner_version = 4, report.env_frames = 1024, report.env_frames_per_s = 5120,

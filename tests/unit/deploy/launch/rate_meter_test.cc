@@ -1,4 +1,4 @@
-#include "deploy/launch/run_meter.h"
+#include "deploy/launch/rate_meter.h"
 #include "rollout_buffer/shm/accounts.h"
 #include "rollout_buffer/shm/learner_report.h"
 
@@ -11,15 +11,15 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::deploy {
-namespace run_meter_test {
+namespace rate_meter_test {
 
 using ::testing::DoubleNear;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-class RunMeterTest : public ::testing::Test {
+class RateMeterTest : public ::testing::Test {
  protected:
-  RunMeterTest() { plan_.config.environment.env_frameskip = 4; }
+  RateMeterTest() { plan_.config.environment.env_frameskip = 4; }
 
   /// What a learner in its `epoch`-th life has counted.
   void learner_says(uint64_t decisions, uint64_t updates, uint32_t epoch) {
@@ -52,8 +52,8 @@ TEST(Growth, ACounterThatFallsIsCountedOnFromThere) {
   EXPECT_EQ(growth.seen(), 101u);
 }
 
-TEST_F(RunMeterTest, WithoutAnArenaNothingIsCounted) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, WithoutAnArenaNothingIsCounted) {
+  RateMeter meter(plan_);
   EXPECT_FALSE(meter.count());
   EXPECT_FALSE(meter.take_report());
   EXPECT_EQ(meter.decisions(), 0u);
@@ -61,8 +61,8 @@ TEST_F(RunMeterTest, WithoutAnArenaNothingIsCounted) {
   EXPECT_TRUE(std::isnan(meter.episode_score_mean()));
 }
 
-TEST_F(RunMeterTest, WhatAResumedLearnerBeginsWithIsNoWorkOfThisProcess) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, WhatAResumedLearnerBeginsWithIsNoWorkOfThisProcess) {
+  RateMeter meter(plan_);
   meter.use(&arena_);
   learner_says(1000, 10, 1);
   arena_.learner_counters().state = shm::WorkerState::kStarting;
@@ -77,8 +77,8 @@ TEST_F(RunMeterTest, WhatAResumedLearnerBeginsWithIsNoWorkOfThisProcess) {
   EXPECT_EQ(meter.env_frames(), 4 * 1064u);
 }
 
-TEST_F(RunMeterTest, HowFullTheReplayIsComesFromTheLearnersReport) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, HowFullTheReplayIsComesFromTheLearnersReport) {
+  RateMeter meter(plan_);
   meter.use(&arena_);
   EXPECT_EQ(meter.replay_filled(), 1) << "nobody waits";
   for (const auto& [told, shown] :
@@ -91,8 +91,8 @@ TEST_F(RunMeterTest, HowFullTheReplayIsComesFromTheLearnersReport) {
   }
 }
 
-TEST_F(RunMeterTest, ALearnerThatGoesBackIsNoticedAndWhatItForgotIsKept) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, ALearnerThatGoesBackIsNoticedAndWhatItForgotIsKept) {
+  RateMeter meter(plan_);
   meter.use(&arena_);
   learner_says(0, 0, 1);
   (void)meter.count();
@@ -115,8 +115,8 @@ TEST_F(RunMeterTest, ALearnerThatGoesBackIsNoticedAndWhatItForgotIsKept) {
   EXPECT_EQ(fresh.control().env_frames_lost.load(), 1000u);
 }
 
-TEST_F(RunMeterTest, UnsavedIsWhatCameAfterTheLastCheckpoint) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, UnsavedIsWhatCameAfterTheLastCheckpoint) {
+  RateMeter meter(plan_);
   meter.use(&arena_);
   learner_says(1000, 10, 1);
   EXPECT_EQ(meter.unsaved_text(), "4k env frames since the run's beginning are lost");
@@ -124,10 +124,10 @@ TEST_F(RunMeterTest, UnsavedIsWhatCameAfterTheLastCheckpoint) {
   EXPECT_EQ(meter.unsaved_text(), "1k env frames since the one at 3k are lost");
 }
 
-TEST_F(RunMeterTest, TheWindowLastsFromUpdateToUpdateAfterTheWarmUp) {
+TEST_F(RateMeterTest, TheWindowLastsFromUpdateToUpdateAfterTheWarmUp) {
   plan_.seconds = 2;
   plan_.warmup_seconds = 1;
-  RunMeter meter(plan_);
+  RateMeter meter(plan_);
   meter.use(&arena_);
   const auto learned = [&](uint64_t updates) {
     learner_says(64 * updates, updates, 1);
@@ -162,9 +162,9 @@ TEST_F(RunMeterTest, TheWindowLastsFromUpdateToUpdateAfterTheWarmUp) {
   EXPECT_FALSE(meter.measure(120)) << "it is over once";
 }
 
-TEST_F(RunMeterTest, AWindowWithoutAnUpdateClosesInTheEnd) {
+TEST_F(RateMeterTest, AWindowWithoutAnUpdateClosesInTheEnd) {
   plan_.seconds = 2;
-  RunMeter meter(plan_);
+  RateMeter meter(plan_);
   meter.use(&arena_);
   learner_says(0, 0, 1);
   (void)meter.count();
@@ -177,9 +177,9 @@ TEST_F(RunMeterTest, AWindowWithoutAnUpdateClosesInTheEnd) {
   EXPECT_THAT(meter.window().windows, ElementsAre(0.0));
 }
 
-TEST_F(RunMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {
+TEST_F(RateMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {
   plan_.policy = PolicySource::kRandom;
-  RunMeter meter(plan_);
+  RateMeter meter(plan_);
   meter.use(&arena_);
   arena_.sim_counters(0).decisions = 30;
   arena_.sim_counters(1).decisions = 12;
@@ -192,8 +192,8 @@ TEST_F(RunMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {
   EXPECT_EQ(meter.decisions(), 47u);
 }
 
-TEST_F(RunMeterTest, AnEpisodePlayedTwiceCountsOnce) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, AnEpisodePlayedTwiceCountsOnce) {
+  RateMeter meter(plan_);
   const auto add = [&](uint64_t id, float score) {
     EpisodeRecord episode;
     episode.episode_id = id;
@@ -207,8 +207,8 @@ TEST_F(RunMeterTest, AnEpisodePlayedTwiceCountsOnce) {
   EXPECT_DOUBLE_EQ(meter.episode_score_mean(), 15);
 }
 
-TEST_F(RunMeterTest, AccountsNameEveryDecisionOfADeadLearner) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, AccountsNameEveryDecisionOfADeadLearner) {
+  RateMeter meter(plan_);
   meter.use(&arena_);
   shm::EnvAccount& account = arena_.accounts().of(3);  // two agents: two decisions a step
   account.made = 500, account.sealed = 480, account.taken = 400;
@@ -245,8 +245,8 @@ TEST_F(RunMeterTest, AccountsNameEveryDecisionOfADeadLearner) {
   EXPECT_EQ(meter.account_fault(), "");
 }
 
-TEST_F(RunMeterTest, AnArenaThatIsGivenUpLosesWhatLayInItAndALearnerThatCountsTooMuchIsSeen) {
-  RunMeter meter(plan_);
+TEST_F(RateMeterTest, AnArenaThatIsGivenUpLosesWhatLayInItAndALearnerThatCountsTooMuchIsSeen) {
+  RateMeter meter(plan_);
   meter.use(&arena_);
   arena_.accounts().of(0).made = arena_.accounts().of(0).sealed = 50;
   learner_says(0, 0, 1);
@@ -264,5 +264,5 @@ TEST_F(RunMeterTest, AnArenaThatIsGivenUpLosesWhatLayInItAndALearnerThatCountsTo
   EXPECT_THAT(meter.account_fault(), HasSubstr("do not add up"));
 }
 
-}  // namespace run_meter_test
+}  // namespace rate_meter_test
 }  // namespace comrad::deploy

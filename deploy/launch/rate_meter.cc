@@ -1,4 +1,4 @@
-#include "deploy/launch/run_meter.h"
+#include "deploy/launch/rate_meter.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 
 namespace comrad::deploy {
 
-void RunMeter::use(const shm::Arena* arena) {
+void RateMeter::use(const shm::Arena* arena) {
   accounts_.use(arena, trained_decisions_.total());
   arena_ = arena;
   learner_epoch_ = 0;
@@ -17,14 +17,14 @@ void RunMeter::use(const shm::Arena* arena) {
   if (arena_ != nullptr) arena_->control().env_frames_lost.store(env_frames_lost_);
 }
 
-uint64_t RunMeter::simulators_decisions() const {
+uint64_t RateMeter::simulators_decisions() const {
   uint64_t sum = 0;
   for (int sim = 0; sim < arena_->shape().sim_worker_count; ++sim)
     sum += arena_->sim_counters(sim).decisions.load(std::memory_order_relaxed);
   return sum;
 }
 
-bool RunMeter::count() {
+bool RateMeter::count() {
   if (arena_ == nullptr) return false;
   played_decisions_.see(simulators_decisions());
   // A learner sets its counters to those of the checkpoint it resumes, then its state to running.
@@ -53,17 +53,17 @@ bool RunMeter::count() {
   return true;
 }
 
-uint64_t RunMeter::learner_ended() {
+uint64_t RateMeter::learner_ended() {
   count();
   return plan_.trains() ? accounts_.learner_ended(trained_decisions_.total()) : 0;
 }
 
-void RunMeter::close() {
+void RateMeter::close() {
   count();
   if (plan_.drains()) accounts_.close(trained_decisions_.total());
 }
 
-std::optional<dds::TrainStats> RunMeter::take_report() {
+std::optional<dds::TrainStats> RateMeter::take_report() {
   if (arena_ == nullptr) return std::nullopt;
   const std::optional<shm::LearnerReport> report = arena_->learner_reports().read(report_sequence_);
   if (!report) return std::nullopt;
@@ -88,12 +88,12 @@ std::optional<dds::TrainStats> RunMeter::take_report() {
   return last_stats_;
 }
 
-void RunMeter::add(const EpisodeRecord& episode) { episodes_.emplace(episode.episode_id, episode); }
+void RateMeter::add(const EpisodeRecord& episode) { episodes_.emplace(episode.episode_id, episode); }
 
 /// How many times its length a window waits for the update that closes it.
 constexpr double kPatience = 10;
 
-bool RunMeter::measure(double now_s) {
+bool RateMeter::measure(double now_s) {
   const bool has_begun = plan_.trains() ? trained_updates_.total() > 0 : played_decisions_.total() > 0;
   if (has_begun && first_work_s_ == 0) first_work_s_ = now_s;
   if (plan_.seconds <= 0 || first_work_s_ == 0 || window_.seconds > 0) return false;
@@ -120,34 +120,34 @@ bool RunMeter::measure(double now_s) {
   return true;
 }
 
-uint64_t RunMeter::decisions_of_run() const {
+uint64_t RateMeter::decisions_of_run() const {
   return std::max(last_stats_.decisions, trained_decisions_.seen());
 }
 
-uint64_t RunMeter::env_frames() const {
+uint64_t RateMeter::env_frames() const {
   const uint64_t live =
       arena_ == nullptr ? 0 : arena_->control().learner_env_frames.load(std::memory_order_relaxed);
   return std::max(live, last_stats_.env_frames);
 }
 
-double RunMeter::episode_score_mean() const {
+double RateMeter::episode_score_mean() const {
   double sum = 0;
   for (const auto& [id, episode] : episodes_) sum += episode.score;
   return episodes_.empty() ? std::nan("") : sum / static_cast<double>(episodes_.size());
 }
 
-double RunMeter::lag_mean() const {
+double RateMeter::lag_mean() const {
   return lag_count_ > 0 ? lag_sum_ / lag_count_ : last_stats_.policy_lag_mean;
 }
 
-std::string RunMeter::going_back_text() const {
+std::string RateMeter::going_back_text() const {
   if (goings_back_ == 0) return "";
   return "learner went back " + count_text(static_cast<double>(env_frames_lost_)) +
          " env frames to its last checkpoint" +
          (goings_back_ > 1 ? ", in " + std::to_string(goings_back_) + " restarts" : "");
 }
 
-std::string RunMeter::unsaved_text() const {
+std::string RateMeter::unsaved_text() const {
   const uint64_t saved =
       arena_ == nullptr ? 0 : arena_->control().saved_env_frames.load(std::memory_order_relaxed);
   const uint64_t now = env_frames();
@@ -156,7 +156,7 @@ std::string RunMeter::unsaved_text() const {
          " are lost";
 }
 
-std::string RunMeter::limit_reached() const {
+std::string RateMeter::limit_reached() const {
   const RunConfig& config = plan_.config;
   if (static_cast<double>(env_frames()) >= config.run.train_for_env_frames)
     return " (--train_for_env_frames " + std::to_string(std::llround(config.run.train_for_env_frames)) + ")";

@@ -50,10 +50,10 @@ struct MeasuredWindow {
 };
 
 /// Reads the arena, and writes one word into it: the env frames that a learner forgot. Threads: the supervisor's.
-class RunMeter {
+class RateMeter {
  public:
   /// The plan outlives the meter.
-  explicit RunMeter(const LaunchPlan& plan) : plan_(plan) {}
+  explicit RateMeter(const LaunchPlan& plan) : plan_(plan) {}
 
   /// From now on the counters of `arena` count, which begin at 0; null: there is none. It is not owned.
   void use(const shm::Arena* arena);
