@@ -43,7 +43,7 @@ const char* value_name(SettingKind kind) {
 }
 
 /// The help of a setting: what it is, the words that it takes where the help does not name them, its value and where that
-/// comes from, what it counts with, old names.
+/// comes from, what it applies with, old names.
 std::string setting_help(const SettingRow& row, const std::optional<ValuesInForce>& values) {
   std::string help(row.help);
   if (row.kind == SettingKind::kWord)
@@ -59,8 +59,8 @@ std::string setting_help(const SettingRow& row, const std::optional<ValuesInForc
     help += " (default " + value;
   else
     help += " (" + shown(row.text(values->config)) + ", " + from + "; built-in " + value;
-  if ((!values || !values->parts_idle) && !row.traits.counts_with.words.empty())
-    help += "; with " + std::string(row.traits.counts_with.words);
+  if ((!values || !values->parts_idle) && !row.traits.applies_when.words.empty())
+    help += "; with " + std::string(row.traits.applies_when.words);
   for (const std::string_view old : row.traits.old_names)
     if (!old.empty()) help += "; also --" + std::string(old);
   return help + ")";

@@ -19,16 +19,16 @@ std::vector<std::string> flags_without_effect(const RunConfig& config, const Set
   RunConfig judged = config;
   if (is_generated_layout(judged)) judged.environment.wad.clear();  // nobody asked for that one
   std::vector<std::string> lines;
-  const auto judge = [&](std::string_view name, const std::string& text, const CountsWith& counts_with) {
-    if (counts_with.holds != nullptr && !counts_with.holds(judged))
+  const auto judge = [&](std::string_view name, const std::string& text, const AppliesWhen& applies_when) {
+    if (applies_when.holds != nullptr && !applies_when.holds(judged))
       lines.push_back("--" + std::string(name) + " " + text + " does nothing in this run (algo " +
-                      config.run.algo.name() + "): it counts with " + std::string(counts_with.words));
+                      config.run.algo.name() + "): it applies with " + std::string(applies_when.words));
   };
   for (const auto& [name, text] : typed.values)
-    if (const OtherName* other = find_other_name(name); other != nullptr && other->counts_with.holds)
-      judge(name, text, other->counts_with);
+    if (const OtherName* other = find_other_name(name); other != nullptr && other->applies_when.holds)
+      judge(name, text, other->applies_when);
     else if (const SettingRow* row = find_setting(name))
-      judge(row->name, text, row->traits.counts_with);
+      judge(row->name, text, row->traits.applies_when);
   return lines;
 }
 

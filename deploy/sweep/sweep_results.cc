@@ -173,7 +173,7 @@ std::string recipe_changes(const RunConfig& then, const RunConfig& now) {
   std::string changes;
   for (const SettingRow& row : setting_rows()) {
     if (row.subject == "run" || row.traits.is_of_the_start || row.traits.is_automatic_size ||
-        std::ranges::find(kNoRecipe, row.name) != kNoRecipe.end() || !(row.counts(now) || row.counts(then)))
+        std::ranges::find(kNoRecipe, row.name) != kNoRecipe.end() || !(row.applies(now) || row.applies(then)))
       continue;
     const std::string before = row.text(then), after = row.text(now);
     if (before == after) continue;

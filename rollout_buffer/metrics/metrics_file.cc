@@ -31,7 +31,7 @@ Hparam hparam_of(const SettingRow& row, const RunConfig& config) {
   const std::string text = row.text(config);
   Hparam hparam{.name = std::string(row.name),
                 .value = text,
-                .has_value = row.counts(config),
+                .has_value = row.applies(config),
                 .leads = std::ranges::find(kLeadingColumns, row.name) != kLeadingColumns.end()};
   if (row.kind == SettingKind::kBool)
     hparam.value = text == "true";

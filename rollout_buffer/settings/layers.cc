@@ -106,7 +106,7 @@ Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   const auto put = [&](bool comes_last) -> Status {
     for (const auto& [key, text] : layer.values) {
       const OtherName* other = find_other_name(key);
-      if (comes_last == (other != nullptr && other->counts_with.holds != nullptr))
+      if (comes_last == (other != nullptr && other->applies_when.holds != nullptr))
         COMRAD_TRY(set(config, layer.origin, key, text));
     }
     return {};
@@ -149,7 +149,7 @@ std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
     if (row.subject != subject)
       text += (subject.empty() ? "" : "\n") + ("## " + std::string(row.subject)) + "\n\n";
     subject = row.subject;
-    const std::string_view others = row.traits.counts_with.words;
+    const std::string_view others = row.traits.applies_when.words;
     text += "# " + std::string(row.help) + (others.empty() ? "" : "; with " + std::string(others)) + "\n" +
             setting_toml(row, row.text(config));
   }

@@ -48,9 +48,11 @@ Status assign_epsilon(RunConfig& config, const std::string& origin, std::string_
 Status assign_replay_batch(RunConfig& config, const std::string& origin, std::string_view text) {
   return set(config, origin, "replay_batch_size", text);
 }
-constexpr OtherName replay_batch(std::string_view name, const CountsWith& counts_with) {
-  return {
-      .name = name, .assign = assign_replay_batch, .sets = {"replay_batch_size"}, .counts_with = counts_with};
+constexpr OtherName replay_batch(std::string_view name, const AppliesWhen& applies_when) {
+  return {.name = name,
+          .assign = assign_replay_batch,
+          .sets = {"replay_batch_size"},
+          .applies_when = applies_when};
 }
 
 constexpr OtherName kOtherNames[] = {

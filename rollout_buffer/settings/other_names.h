@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/settings/counts_with.h"
+#include "rollout_buffer/settings/applies_when.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad {
@@ -27,10 +27,10 @@ struct OtherName {
   Status (*assign)(RunConfig&, const std::string& origin, std::string_view text) = nullptr;
   std::array<std::string_view, 4> sets = {};  ///< what `assign` sets
   /// Where the name is another one for sets[0] in some runs only. Elsewhere nothing is set. Null: in all.
-  CountsWith counts_with = {};
+  AppliesWhen applies_when = {};
 
   bool counts(const RunConfig& config) const {
-    return counts_with.holds == nullptr || counts_with.holds(config);
+    return applies_when.holds == nullptr || applies_when.holds(config);
   }
   /// Whether `text` asks for what is done in any case. Errors: kBadInput with `instead`.
   Status accept(const std::string& origin, std::string_view text) const;

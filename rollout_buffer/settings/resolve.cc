@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/cpu_features.h"
 #include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/settings/counts_with.h"
+#include "rollout_buffer/settings/applies_when.h"
 #include "rollout_buffer/settings/drawn_batch.h"
 #include "rollout_buffer/settings/encoder_layers.h"
 #include "rollout_buffer/settings/setting.h"
@@ -96,7 +96,7 @@ Status check_map_combinations(const RunConfig& c) {
 Status check_encoder(const RunConfig& c) {
   const std::string& encoder = c.network.encoder;
   if (is_encoder_file(encoder)) {
-    if (with::a_door.holds(c))
+    if (with::join_endpoint.holds(c))
       return Error{ErrorCode::kBadInput,
                    "encoder is " + encoder +
                        " in a run that other hosts join; they do not get the file, so it "
@@ -128,13 +128,13 @@ Status check_combinations(const RunConfig& c) {
         name);
   COMRAD_TRY(check_map_combinations(c));
   COMRAD_TRY(check_encoder(c));
-  if (with::a_door.holds(c) && (c.collection.deterministic || !c.collection.async_rl))
+  if (with::join_endpoint.holds(c) && (c.collection.deterministic || !c.collection.async_rl))
     return refuse(std::string(c.hosts.link == LinkKind::kDds ? "link is dds"
                               : c.hosts.serve                ? "serve is on"
                                                              : "hosts is " + c.hosts.hosts) +
                   " with " + (c.collection.deterministic ? "deterministic" : "async_rl off") +
                   "; lock step waits for every simulator, so the link is for asynchronous runs alone");
-  if (with::a_door.holds(c) && c.curriculum.curriculum != CurriculumKind::kUniform)
+  if (with::join_endpoint.holds(c) && c.curriculum.curriculum != CurriculumKind::kUniform)
     return refuse("curriculum is " + std::string(word_of(c.curriculum.curriculum)) +
                   " in a run that other hosts join; each host draws its maps evenly, so it must be uniform");
   if (c.on_policy.with_vtrace && !algo.learns_q_values() && !algo.can_use_vtrace)
@@ -342,7 +342,7 @@ Status resolve_settings(RunConfig& config, int core_count) {
     c.collection.trajectory_slabs = c.collection.deterministic
                                         ? 2 * env_count
                                         : env_count + c.collection.num_batches_to_accumulate * cycle_slabs +
-                                              (with::a_door.holds(c) ? kGuestSlabs : 0);
+                                              (with::join_endpoint.holds(c) ? kGuestSlabs : 0);
   }
   if (c.collection.trajectory_slabs < least_slabs)
     return Error{ErrorCode::kBadInput,

@@ -193,9 +193,9 @@ bool are_reward_weights(std::string_view text) { return parse_reward_weights(std
 std::vector<SettingRow> make_rows() {
   using namespace limits;  // NOLINT: the rows' vocabulary
   std::vector<SettingRow> rows;
-  CountsWith counts_with = with::everything;  // of the file's rows that name no condition of their own
-  const auto add = [&rows, &counts_with](SettingRow row) {
-    if (row.traits.counts_with.holds == nullptr) row.traits.counts_with = counts_with;
+  AppliesWhen applies_when = with::everything;  // of the file's rows that name no condition of their own
+  const auto add = [&rows, &applies_when](SettingRow row) {
+    if (row.traits.applies_when.holds == nullptr) row.traits.applies_when = applies_when;
     rows.push_back(std::move(row));
   };
 #define SETTING(TYPE, NAME, DEFAULT, LIMITS, HELP, ...)                                                  \
@@ -230,23 +230,23 @@ std::vector<SettingRow> make_rows() {
 #define PART optimisation
 #include "rollout_buffer/settings/optimisation.def"
 #undef PART
-  subject = "on_policy", counts_with = with::on_policy;
+  subject = "on_policy", applies_when = with::on_policy;
 #define PART on_policy
 #include "rollout_buffer/settings/on_policy.def"
 #undef PART
-  subject = "q_learning", counts_with = with::q_learning;
+  subject = "q_learning", applies_when = with::q_learning;
 #define PART q_learning
 #include "rollout_buffer/settings/q_learning.def"
 #undef PART
-  subject = "replay", counts_with = with::q_learning;
+  subject = "replay", applies_when = with::q_learning;
 #define PART replay
 #include "rollout_buffer/settings/replay.def"
 #undef PART
-  subject = "mixers", counts_with = with::mixers;
+  subject = "mixers", applies_when = with::mixers;
 #define PART mixers
 #include "rollout_buffer/settings/mixers.def"
 #undef PART
-  subject = "curriculum", counts_with = with::everything;
+  subject = "curriculum", applies_when = with::everything;
 #define PART curriculum
 #include "rollout_buffer/settings/curriculum.def"
 #undef PART
@@ -347,7 +347,7 @@ const SettingRow* find_setting(std::string_view name) {
     if (row.has_name(name)) return &row;
   const OtherName* other = find_other_name(name);
   if (other == nullptr) return nullptr;
-  const std::string_view setting = other->counts_with.holds != nullptr ? other->sets[0] : other->setting;
+  const std::string_view setting = other->applies_when.holds != nullptr ? other->sets[0] : other->setting;
   return setting.empty() ? nullptr : find_setting(setting);
 }
 

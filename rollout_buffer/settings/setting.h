@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/settings/counts_with.h"
+#include "rollout_buffer/settings/applies_when.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad {
@@ -73,7 +73,7 @@ struct SettingTraits {
   bool is_automatic_size = false;                  ///< made anew when one of those changes
   bool is_a_list = false;                          ///< typed several times, the values are joined by commas
   bool is_of_the_start = false;                    ///< says where a run lies and how it was started
-  CountsWith counts_with = {};                     ///< else that of its .def file
+  AppliesWhen applies_when = {};                   ///< else that of its .def file
   bool used_by_eval = false;                       ///< has an effect where agents only play
   bool is_changed_first = false;  ///< among the twenty that `comrad help train` shows without --all
 };
@@ -95,7 +95,7 @@ struct SettingRow {
 
   bool has_name(std::string_view key) const;
   /// Whether its value makes a difference among these resolved settings.
-  bool counts(const RunConfig& config) const { return traits.counts_with.holds(config); }
+  bool applies(const RunConfig& config) const { return traits.applies_when.holds(config); }
   /// Whether TOML and JSON quote this value of its.
   bool is_text(std::string_view value) const;
   /// Whether TOML may have a list of values, which are joined by commas.

@@ -18,7 +18,7 @@ TEST(FlagsWithoutEffect, AreNamedWithWhatTheyCountWith) {
   config.run.algo = "ippo";
   EXPECT_THAT(flags_without_effect(config, {"command line", {{"n_step", "3"}, {"gamma", "0.9"}}}),
               ElementsAre(AllOf(HasSubstr("--n_step 3 does nothing"), HasSubstr("algo ippo"),
-                                HasSubstr("counts with Q-learning"))));
+                                HasSubstr("applies with Q-learning"))));
   config.run.algo = "vdn";
   config.replay.per = false;  // as resolve_settings leaves it with a recurrent core
   EXPECT_THAT(flags_without_effect(config, {"command line", {{"n_step", "3"}, {"per_omega", "0.9"}}}),
@@ -29,7 +29,7 @@ TEST(FlagsWithoutEffect, AreNamedWithWhatTheyCountWith) {
   EXPECT_THAT(flags_without_effect(
                   config, {"command line", {{"qmix_batch_sequences", "9"}, {"dqn_batch_decisions", "5"}}}),
               ElementsAre(AllOf(HasSubstr("--dqn_batch_decisions 5 does nothing"),
-                                HasSubstr("counts with idqn without a recurrent core"))));
+                                HasSubstr("applies with idqn without a recurrent core"))));
 }
 
 TEST(FlagsWithoutEffect, AMapThatWasMadeForTheRunHidesNoSeed) {

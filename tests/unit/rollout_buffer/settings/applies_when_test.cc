@@ -1,4 +1,4 @@
-#include "rollout_buffer/settings/counts_with.h"
+#include "rollout_buffer/settings/applies_when.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
-namespace counts_with_test {
+namespace applies_when_test {
 
 /// Whether `setting` counts in a run with these settings over the built-in ones.
 bool counts(const char* setting, std::vector<std::pair<std::string, std::string>> values) {
@@ -23,7 +23,7 @@ bool counts(const char* setting, std::vector<std::pair<std::string, std::string>
   return find_setting(setting)->counts(config);
 }
 
-TEST(CountsWith, TheFamilyOfTheAlgorithmDecides) {
+TEST(AppliesWhen, TheFamilyOfTheAlgorithmDecides) {
   EXPECT_FALSE(counts("n_step", {{"algo", "ippo"}}));
   EXPECT_TRUE(counts("n_step", {{"algo", "vdn"}}));
   EXPECT_TRUE(counts("ppo_clip_ratio", {{"algo", "happo"}, {"share_parameters", "false"}}));
@@ -32,7 +32,7 @@ TEST(CountsWith, TheFamilyOfTheAlgorithmDecides) {
   EXPECT_TRUE(counts("replay_gb", {{"algo", "qmix"}}));
 }
 
-TEST(CountsWith, OneAlgorithmMayBeTheOnlyOne) {
+TEST(AppliesWhen, OneAlgorithmMayBeTheOnlyOne) {
   EXPECT_TRUE(counts("mappo_critic_view", {{"algo", "mappo"}}));
   EXPECT_FALSE(counts("mappo_critic_view", {{"algo", "ippo"}}));
   EXPECT_FALSE(counts("qmix_embed_dim", {{"algo", "vdn"}}));
@@ -42,7 +42,7 @@ TEST(CountsWith, OneAlgorithmMayBeTheOnlyOne) {
   EXPECT_FALSE(counts("q_value_clamp", {{"algo", "idqn"}, {"use_rnn", "false"}}));
 }
 
-TEST(CountsWith, AnotherSettingMayDecide) {
+TEST(AppliesWhen, AnotherSettingMayDecide) {
   EXPECT_FALSE(counts("rnn_size", {{"algo", "ippo"}, {"use_rnn", "false"}}));
   EXPECT_FALSE(counts("per_omega", {{"algo", "vdn"}})) << "sequences have no priorities unless asked for";
   EXPECT_TRUE(counts("per_omega", {{"algo", "vdn"}, {"per_sequences", "true"}}));
@@ -55,7 +55,7 @@ TEST(CountsWith, AnotherSettingMayDecide) {
   EXPECT_FALSE(counts("layout_seed", {{"layout_pool", "train:10"}}));
 }
 
-TEST(CountsWith, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
+TEST(AppliesWhen, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
   const std::vector<std::pair<std::string, std::string>> algorithms[] = {
       {{"algo", "ippo"}, {"with_vtrace", "true"}, {"normalize_returns", "false"}},
       {{"algo", "mappo"}, {"lr_schedule", "kl_adaptive_epoch"}, {"wad", "a.wad"}},
@@ -69,10 +69,10 @@ TEST(CountsWith, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
       {{"algo", "vdn"}, {"use_rnn", "false"}},
       {{"algo", "qplex_q"}, {"qplex_adv_hypernet_layers", "2"}}};
   for (const SettingRow& row : setting_rows()) {
-    ASSERT_NE(row.traits.counts_with.holds, nullptr) << row.name;
+    ASSERT_NE(row.traits.applies_when.holds, nullptr) << row.name;
     bool somewhere = false;
     for (const auto& values : algorithms) somewhere |= counts(std::string(row.name).c_str(), values);
-    EXPECT_TRUE(somewhere) << row.name << " counts with " << row.traits.counts_with.words;
+    EXPECT_TRUE(somewhere) << row.name << " applies with " << row.traits.applies_when.words;
   }
 }
 
@@ -137,5 +137,5 @@ TEST(Units, TheOldSizesOfAReplaysBatchCountWhereTheirUnitIsDrawn) {
       }
 }
 
-}  // namespace counts_with_test
+}  // namespace applies_when_test
 }  // namespace comrad
