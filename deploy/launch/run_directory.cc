@@ -178,15 +178,15 @@ RunDirectory::~RunDirectory() {
     close(lock_descriptor_);  // the file stays: deleting it would race with the next owner
 }
 
-Status RunDirectory::write_config(const RunConfig& config,
-                                  const std::vector<std::pair<std::string, std::string>>& asked_for) const {
+Status RunDirectory::write_config(
+    const RunConfig& config, const std::vector<std::pair<std::string, std::string>>& explicit_values) const {
   RunConfig written = config;
   if (is_encoder_file(config.network.encoder)) {
     written.network.encoder = kEncoderFile;  // the run's own copy, which config.toml names beside itself
     COMRAD_TRY_ASSIGN(const std::string module, read_encoder_file(config.network.encoder));
     COMRAD_TRY(write_file_atomically(path_ + "/" + kEncoderFile, module, /*durable=*/true));
   }
-  return write_file_atomically(path_ + "/config.toml", settings_to_toml(written, asked_for),
+  return write_file_atomically(path_ + "/config.toml", settings_to_toml(written, explicit_values),
                                /*durable=*/true);
 }
 

@@ -49,9 +49,9 @@ class RunDirectory {
   bool is_resumed() const { return is_resumed_; }  ///< an earlier run's config.toml lies in it
   int lock_descriptor() const { return lock_descriptor_; }
 
-  /// Writes config.toml atomically and durably; `asked_for` as settings_to_toml() has it.
+  /// Writes config.toml atomically and durably; `explicit_values` as settings_to_toml() has it.
   Status write_config(const RunConfig& config,
-                      const std::vector<std::pair<std::string, std::string>>& asked_for = {}) const;
+                      const std::vector<std::pair<std::string, std::string>>& explicit_values = {}) const;
 
  private:
   RunDirectory(std::string path, int lock_descriptor)

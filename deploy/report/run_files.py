@@ -105,9 +105,9 @@ class Run:
     @property
     def told_precision(self) -> str:
         """The precision that this run was started with; empty where the machine chose it, and where config.toml does not say."""
-        asked = self.settings.get("asked_for")
-        told = isinstance(asked, dict) and "precision" not in asked
-        return str(self.settings.get("precision", "")) if told else ""
+        explicit = self.settings.get("explicit", self.settings.get("asked_for"))  # asked_for: runs of older versions
+        is_explicit = isinstance(explicit, dict) and "precision" not in explicit
+        return str(self.settings.get("precision", "")) if is_explicit else ""
 
     @property
     def state(self) -> str:

@@ -48,7 +48,7 @@ std::string automatic_name(const RunConfig& config) {
          std::to_string(config.run.seed) + "_" + date + (job != nullptr ? std::string("_j") + job : "");
 }
 
-using AskedFor = std::vector<std::pair<std::string, std::string>>;
+using ExplicitValues = std::vector<std::pair<std::string, std::string>>;
 
 /// A start of which everything that can be refused was checked, and nothing is written yet.
 struct StartPlan {
@@ -67,19 +67,20 @@ struct StartPlan {
   std::string run_dir() const { return (fs::path(place.train_dir) / merged.config.run.experiment).string(); }
 };
 
-/// What [asked_for] in a run's config.toml holds from now on: of an earlier start what was not changed since, and what this
+/// What [explicit] in a run's config.toml holds from now on: of an earlier start what was not changed since, and what this
 /// one worked out.
-AskedFor asked_for(const StartPlan& plan) {
+ExplicitValues explicit_values(const StartPlan& plan) {
   const MergedSettings& merged = plan.merged;
-  std::map<std::string, std::string> all(plan.before.asked_for.begin(), plan.before.asked_for.end());
+  std::map<std::string, std::string> all(plan.before.explicit_values.begin(),
+                                         plan.before.explicit_values.end());
   for (const auto& [name, from] : merged.from)
     if (from == "command line" || from == "file") all.erase(name);
-  for (const auto& [name, text] : merged.asked_for) all[name] = text;
+  for (const auto& [name, text] : merged.explicit_values) all[name] = text;
   const RunConfig built_in;
   for (const char* name : {"experiment", "restart_behavior"}) all[name] = setting_text(built_in, name);
   if (plan.place.is_default_train_dir) all["train_dir"] = built_in.run.train_dir;
   if (is_generated_layout(merged.config)) all["wad"] = "";
-  AskedFor in_order;
+  ExplicitValues in_order;
   for (const SettingRow& row : setting_rows())
     if (const auto found = all.find(std::string(row.name)); found != all.end()) in_order.push_back(*found);
   return in_order;
@@ -239,7 +240,7 @@ Expected<int> train(const UserSettings& user, bool allow_no_update, const std::s
   COMRAD_TRY_ASSIGN(StartPlan plan, plan_start(user, allow_no_update, key_folder));
   COMRAD_TRY_ASSIGN(const RunDirectory directory, claim_directory(plan));
   COMRAD_TRY(make_maps(plan, directory.path()));
-  COMRAD_TRY(directory.write_config(plan.merged.config, asked_for(plan)));
+  COMRAD_TRY(directory.write_config(plan.merged.config, explicit_values(plan)));
   return launch(plan, directory);
 }
 

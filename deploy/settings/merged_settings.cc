@@ -69,11 +69,11 @@ Expected<SettingsLayer> file_layer_onto_run(const UserSettings& user) {
   if (user.config_file.empty()) return SettingsLayer{};
   COMRAD_TRY_ASSIGN(SettingsLayer layer, read_settings_toml(user.config_file));
   std::erase_if(layer.values, [&layer](const auto& value) {
-    return std::ranges::any_of(layer.asked_for, [&value](const auto& asked) {
+    return std::ranges::any_of(layer.explicit_values, [&value](const auto& asked) {
       return canonical_setting(asked.first) == canonical_setting(value.first);
     });
   });
-  layer.asked_for.clear();
+  layer.explicit_values.clear();
   return layer;
 }
 
@@ -119,7 +119,7 @@ Expected<MergedSettings> complete(LayeredConfig layers, ScenarioDescription scen
   MergedSettings merged{layers.config, std::move(scenario), std::move(layers.from), {}};
   for (const SettingRow& row : setting_rows())
     if (row.text(merged.config) != row.text(asked))
-      merged.asked_for.emplace_back(std::string(row.name), row.text(asked));
+      merged.explicit_values.emplace_back(std::string(row.name), row.text(asked));
   return merged;
 }
 
@@ -128,7 +128,7 @@ Expected<MergedSettings> complete(LayeredConfig layers, ScenarioDescription scen
 Expected<SettingsLayer> file_layer(const UserSettings& user) {
   if (user.config_file.empty()) return SettingsLayer{};
   COMRAD_TRY_ASSIGN(SettingsLayer layer, read_settings_toml(user.config_file));
-  layer.values.insert(layer.values.end(), layer.asked_for.begin(), layer.asked_for.end());
+  layer.values.insert(layer.values.end(), layer.explicit_values.begin(), layer.explicit_values.end());
   return layer;
 }
 

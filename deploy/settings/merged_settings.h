@@ -32,8 +32,8 @@ struct MergedSettings {
   /// "preset", "scenario", "file", "command line", the name of a command's `changes`, or "automatic" where the value
   /// was worked out or rounded from others and the host.
   std::map<std::string, std::string> from;
-  /// What had been asked for ("0", auto) where the value was worked out or rounded, in the order of the settings.
-  std::vector<std::pair<std::string, std::string>> asked_for = {};
+  /// Explicit values ("0", auto) of settings whose value was worked out or rounded, in the order of the settings.
+  std::vector<std::pair<std::string, std::string>> explicit_values = {};
 };
 
 /// The layers above the scenario's: a TOML file when `config_file` is set, then what was typed.

@@ -53,18 +53,18 @@ std::string changes_text(const RunConfig& before, const RunConfig& now) {
 }
 
 std::string left_out_text(const SettingsLayer& file) {
-  if (file.asked_for.empty()) {
+  if (file.explicit_values.empty()) {
     // A file that people write names few settings; a run's has them all.
     if (file.values.size() * 2 < setting_rows().size()) return "";
     return file.origin +
-           " has no table [asked_for], as a run's that an older version wrote: all its settings are taken, "
-           "also "
-           "those that were worked out for that run; take out what this run is to work out itself";
+           " has no table [explicit] (an older version wrote it): all its settings apply, also those that "
+           "were "
+           "worked out for that run; remove the settings that this run is to work out itself";
   }
   std::vector<std::string> names;
-  for (const auto& [name, text] : file.asked_for) names.push_back(name);
+  for (const auto& [name, text] : file.explicit_values) names.push_back(name);
   return file.origin +
-         " is a run's: its settings are taken, and what was worked out for that run is worked out anew (" +
+         " is a run's file: its settings apply, and settings worked out for that run are worked out again (" +
          joined(names) + ")";
 }
 

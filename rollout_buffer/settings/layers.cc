@@ -16,7 +16,8 @@ namespace comrad {
 namespace {
 
 constexpr std::size_t kSettingsBytesMax = 1 << 20;
-constexpr const char* kAskedFor = "asked_for";
+constexpr const char* kExplicit = "explicit";
+constexpr const char* kOldExplicit = "asked_for";  // the table's name in runs of older versions
 
 using Values = std::vector<std::pair<std::string, std::string>>;
 
@@ -129,9 +130,11 @@ Expected<SettingsLayer> read_settings_toml(const std::string& path) {
   COMRAD_TRY(check_toml_text(*words, path));
   try {
     toml::table document = toml::parse(*words, path);
-    if (const toml::table* asked_for = document[kAskedFor].as_table()) {
-      COMRAD_TRY_ASSIGN(layer.asked_for, values_of(*asked_for, path));
-      document.erase(kAskedFor);
+    for (const char* name : {kOldExplicit, kExplicit}) {
+      const toml::table* explicit_values = document[name].as_table();
+      if (explicit_values == nullptr) continue;
+      COMRAD_TRY_ASSIGN(layer.explicit_values, values_of(*explicit_values, path));
+      document.erase(name);
     }
     COMRAD_TRY_ASSIGN(layer.values, values_of(document, path));
   } catch (const toml::parse_error& failure) {
@@ -142,7 +145,7 @@ Expected<SettingsLayer> read_settings_toml(const std::string& path) {
   return layer;
 }
 
-std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
+std::string settings_to_toml(const RunConfig& config, const Values& explicit_values) {
   std::string text;
   std::string_view subject;
   for (const SettingRow& row : setting_rows()) {
@@ -153,13 +156,14 @@ std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
     text += "# " + std::string(row.help) + (others.empty() ? "" : "; with " + std::string(others)) + "\n" +
             setting_toml(row, row.text(config));
   }
-  if (asked_for.empty()) return text;
+  if (explicit_values.empty()) return text;
   text +=
-      "\n## What was asked for where a value above was worked out from the others, the scenario, the machine "
+      "\n## Explicit values of settings whose value above depends on other settings, the scenario, the "
+      "machine "
       "or the\n"
-      "## run's name. `--config` with this file takes these, so that a new run works its own out.\n\n[" +
-      std::string(kAskedFor) + "]\n";
-  for (const auto& [name, value] : asked_for)
+      "## run's name. `--config` with this file uses these, so that a new run resolves its own.\n\n[" +
+      std::string(kExplicit) + "]\n";
+  for (const auto& [name, value] : explicit_values)
     if (const SettingRow* row = find_setting(name)) text += setting_toml(*row, value);
   return text;
 }

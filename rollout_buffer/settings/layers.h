@@ -17,21 +17,21 @@ namespace comrad {
 Status apply_layer(RunConfig& config, const SettingsLayer& layer);
 
 /// Reads a TOML file of settings into a layer. Settings may stand in a table of their subject ([network]); a list is its items
-/// with commas between; `encoder` names a .pt file relative to the TOML file. Other tables are errors, but for [asked_for] of a
+/// with commas between; `encoder` names a .pt file relative to the TOML file. Other tables are errors, but for [explicit] of a
 /// run's config.toml.
 /// Errors: kNotFound, kBadFormat with line and column.
 Expected<SettingsLayer> read_settings_toml(const std::string& path);
 
-/// The merged settings as a TOML document that read_settings_toml reads back without loss. `asked_for` becomes its table of
+/// The merged settings as a TOML document that read_settings_toml reads back without loss. `explicit_values` becomes its table of
 /// that name.
 std::string settings_to_toml(const RunConfig& config,
-                             const std::vector<std::pair<std::string, std::string>>& asked_for = {});
+                             const std::vector<std::pair<std::string, std::string>>& explicit_values = {});
 
 /// The rows alone that differ from what load_run_config() makes of an empty file, and what names a run: its scenario, algorithm
 /// and seed. Read back it gives `config` for as long as the built-in settings stay what they are.
 std::string changed_settings_to_toml(const RunConfig& config);
 
-/// Reads config.toml of a run, whose values and not those of [asked_for] count: every worker's first step. One that says no
+/// Reads config.toml of a run, whose values and not those of [explicit] count: every worker's first step. One that says no
 /// version of its scenario is older than versions, and played the first.
 Expected<RunConfig> load_run_config(const std::string& path);
 

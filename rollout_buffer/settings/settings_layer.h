@@ -18,8 +18,8 @@ SettingValues with_settings(SettingValues values, const SettingValues& over);
 struct SettingsLayer {
   std::string origin;  ///< named in messages: "command line", "run.toml", "scenario coop_health_gathering"
   SettingValues values;
-  /// Of a run's config.toml, where `values` hold what was worked out for that run: what had been asked for ("0", auto).
-  SettingValues asked_for = {};
+  /// Of a run's config.toml, where `values` hold what was worked out for that run: the explicit values ("0", auto).
+  SettingValues explicit_values = {};
 };
 
 }  // namespace comrad

@@ -32,12 +32,12 @@ def write_run(
     state: str = "finished",
     message: str = "",
     name: str = "",
-    asked_for: dict | None = None,
+    explicit: dict | None = None,
     **settings,
 ) -> pathlib.Path:
     """A run whose J rises from `start` to nearly `end`, with noise of the seed. Returns its folder.
 
-    asked_for   the table of config.toml that names what the machine, the scenario and the run's name decided"""
+    explicit   the table of config.toml that names what the machine, the scenario and the run's name decided"""
     noise = random.Random(f"{scenario} {algo} {seed}")
     experiment = name or f"{scenario}_{algo}_{seed}"
     folder = train_dir / experiment
@@ -53,7 +53,7 @@ def write_run(
         **settings,
     }
     lines_of = lambda table: "".join(f"{key} = {toml_value(value)}\n" for key, value in table.items())
-    config = lines_of(chosen) if asked_for is None else f"{lines_of(chosen)}\n[asked_for]\n{lines_of(asked_for)}"
+    config = lines_of(chosen) if explicit is None else f"{lines_of(chosen)}\n[explicit]\n{lines_of(explicit)}"
     (folder / "config.toml").write_text(config)
     pace = noise.uniform(2.5, 4.5)
     lines = []

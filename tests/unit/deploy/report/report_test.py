@@ -235,7 +235,7 @@ class Grouping(WithFolder):
             (81, here, 2, {**sweep, "train_dir": "train_dir", "learner_threads": 0}),
         ):
             made_runs.write_run(
-                self.folder, "lava_pit", "ippo", seed, start=0, end=5, learner_threads=threads, asked_for=asked, **machine
+                self.folder, "lava_pit", "ippo", seed, start=0, end=5, learner_threads=threads, explicit=asked, **machine
             )
         self.assertEqual(self.labels(), [("ippo", 3)])
 
@@ -244,10 +244,10 @@ class Grouping(WithFolder):
             for precision in ("fp32", "bf16"):
                 made_runs.write_run(
                     self.folder, "lava_pit", "ippo", seed, start=0, end=5,
-                    precision=precision, asked_for={"wad": ""}, name=f"{precision}_{seed}",
+                    precision=precision, explicit={"wad": ""}, name=f"{precision}_{seed}",
                 )  # fmt: skip
         made_runs.write_run(
-            self.folder, "lava_pit", "ippo", 81, start=0, end=5, precision="bf16", asked_for={"precision": "auto"}
+            self.folder, "lava_pit", "ippo", 81, start=0, end=5, precision="bf16", explicit={"precision": "auto"}
         )
         self.assertEqual(self.labels(), [("ippo, precision bf16", 3), ("ippo, precision fp32", 2)])
 
@@ -434,7 +434,7 @@ class Sweeps(WithFolder):
     def test_a_run_that_was_made_by_hand_beside_a_sweep_joins_its_cell(self):
         by_hand = {"learner_threads": 0, "num_workers": 0, "precision": "auto", "train_dir": "train_dir"}
         made_runs.write_run(
-            self.folder, "lava_pit", "ippo", 97, start=0, end=5, num_workers=8, max_batch=32, precision="fp32", asked_for=by_hand
+            self.folder, "lava_pit", "ippo", 97, start=0, end=5, num_workers=8, max_batch=32, precision="fp32", explicit=by_hand
         )
         self.assertEqual([(cell.label, len(cell.runs)) for cell in self.study().cells], [("ippo", 4), ("qmix", 2)])
 
@@ -600,15 +600,15 @@ class Plots(WithFolder):
     def test_seeds_of_a_sweep_and_a_run_by_hand_are_one_curve_with_title_and_references(self):
         words = ["--over_seeds"]
         for seed, threads in ((42, 2), (68, 8), (81, 4)):
-            asked_for = {"learner_threads": 0, "precision": "auto"}
+            explicit = {"learner_threads": 0, "precision": "auto"}
             run = made_runs.write_run(
-                self.folder, "lava_pit", "ippo", seed, start=0, end=5, learner_threads=threads, asked_for=asked_for
+                self.folder, "lava_pit", "ippo", seed, start=0, end=5, learner_threads=threads, explicit=explicit
             )
             words += ["--curve", run.name, str(run)]
         drawn = self.plot(*words)
         for text in (">lava pit<", ">lava_pit IPPO (mean of 3)<", ">random play<", ">scripted team: 11 "):
             self.assertIn(text, drawn)
-        self.assertNotIn("asked_for", drawn)
+        self.assertNotIn("explicit", drawn)
         drawn = self.plot(*words, "--metric", "train/grad_norm", "--title", "gradients")
         self.assertIn(">lava_pit IPPO (mean of 3)<", drawn)
         self.assertIn(">gradients<", drawn)

@@ -244,14 +244,14 @@ RunConfig made_run() {
   return merged ? merged->config : RunConfig();
 }
 
-TEST(MergeNew, RemembersWhatWasAskedForWhereAValueWasWorkedOut) {
+TEST(MergeNew, KeepsTheExplicitValueOfAWorkedOutSetting) {
   const auto merged = merge_new(typed({{"batch_size", "1000"}, {"gamma", "0.9"}}), fake_scenario, 3);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.optimisation.batch_size, 960);
-  EXPECT_THAT(merged->asked_for,
+  EXPECT_THAT(merged->explicit_values,
               IsSupersetOf({Pair("num_workers", "0"), Pair("batch_size", "1000"), Pair("num_agents", "0"),
                             Pair("shared_reward_alpha", "-1.0"), Pair("trajectory_slabs", "0")}));
-  EXPECT_THAT(merged->asked_for, Not(Contains(Pair("gamma", _))));
+  EXPECT_THAT(merged->explicit_values, Not(Contains(Pair("gamma", _))));
 }
 
 TEST(MergeNew, TakesTheSettingsOfARunsConfigAndNotWhatWasWorkedOutForIt) {
@@ -261,11 +261,11 @@ TEST(MergeNew, TakesTheSettingsOfARunsConfigAndNotWhatWasWorkedOutForIt) {
   RunConfig run = old->config;
   run.run.experiment = "old";
   run.environment.wad = "/old/layouts/two_rooms_42.wad";
-  auto asked_for = old->asked_for;
-  asked_for.insert(asked_for.end(), {{"experiment", ""}, {"wad", ""}});
+  auto explicit_values = old->explicit_values;
+  explicit_values.insert(explicit_values.end(), {{"experiment", ""}, {"wad", ""}});
   const test::ScratchFolder folder;
   user = typed({{"seed", "7"}, {"num_agents", "4"}});
-  user.config_file = folder.write("config.toml", settings_to_toml(run, asked_for));
+  user.config_file = folder.write("config.toml", settings_to_toml(run, explicit_values));
 
   const auto merged = merge_new(user, fake_scenario, 5);
   ASSERT_TRUE(merged) << merged.error().message;
@@ -288,7 +288,7 @@ TEST(MergeOntoRun, ItsOwnConfigAsTheUsersFileChangesNothing) {
   ASSERT_TRUE(made) << made.error().message;
   const test::ScratchFolder folder;
   UserSettings user;
-  user.config_file = folder.write("config.toml", settings_to_toml(made->config, made->asked_for));
+  user.config_file = folder.write("config.toml", settings_to_toml(made->config, made->explicit_values));
   const auto merged = merge_onto_run(made->config, user, fake_scenario, 8);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(settings_to_toml(merged->config), settings_to_toml(made->config));

@@ -79,7 +79,7 @@ TEST(Changes, AMapThatWasMadeAnewIsNamedByItsSeed) {
 TEST(LeftOut, IsNamedForARunsConfigAlone) {
   EXPECT_EQ(left_out_text({"mine.toml", {{"gamma", "0.9"}}}), "");
   SettingsLayer of_a_run{"old/config.toml", {{"num_workers", "2"}, {"wad", "a.wad"}}};
-  of_a_run.asked_for = {{"num_workers", "0"}, {"wad", ""}};
+  of_a_run.explicit_values = {{"num_workers", "0"}, {"wad", ""}};
   EXPECT_THAT(left_out_text(of_a_run), AllOf(HasSubstr("old/config.toml"), HasSubstr("(num_workers, wad)")));
 }
 
@@ -88,9 +88,9 @@ TEST(LeftOut, ARunsConfigOfAnOlderVersionIsTakenWhole) {
   for (const SettingRow& row : setting_rows())
     of_a_run.values.emplace_back(std::string(row.name), row.text(RunConfig()));
   EXPECT_THAT(left_out_text(of_a_run),
-              AllOf(HasSubstr("old/config.toml has no table [asked_for]"), HasSubstr("older version wrote"),
+              AllOf(HasSubstr("old/config.toml has no table [explicit]"), HasSubstr("older version wrote"),
                     HasSubstr("all its settings are taken")));
-  of_a_run.asked_for = {{"num_workers", "0"}};
+  of_a_run.explicit_values = {{"num_workers", "0"}};
   EXPECT_THAT(left_out_text(of_a_run), ::testing::Not(HasSubstr("older version")));
 }
 

@@ -222,22 +222,25 @@ TEST_F(SettingsToml, SeededNoiseNeverCrashesTheReader) {
   }
 }
 
-TEST_F(SettingsToml, ARunsFileHoldsWhatWasAskedForBesideWhatHolds) {
+TEST_F(SettingsToml, ARunsFileHoldsExplicitValuesBesideResolvedOnes) {
   RunConfig config = two_agents();
   config.collection.num_workers = 6;
   const std::string path = folder_.write(
       "config.toml", settings_to_toml(config, {{"num_workers", "0"}, {"wad", ""}, {"team_reward", "auto"}}));
   const auto read = read_settings_toml(path);
   ASSERT_TRUE(read) << read.error().message;
-  EXPECT_THAT(read->asked_for,
+  EXPECT_THAT(read->explicit_values,
               ::testing::UnorderedElementsAre(::testing::Pair("num_workers", "0"), ::testing::Pair("wad", ""),
                                               ::testing::Pair("team_reward", "auto")));
   EXPECT_EQ(read->values.size(), setting_rows().size());
   EXPECT_EQ(load_run_config(path)->collection.num_workers, 6);
+  const auto old = read_settings_toml(folder_.write("old.toml", "seed = 3\n[asked_for]\nnum_workers = 0\n"));
+  ASSERT_TRUE(old) << "a run's file of an older version";
+  EXPECT_THAT(old->explicit_values, ::testing::ElementsAre(::testing::Pair("num_workers", "0")));
   const auto other_table = read_settings_toml(folder_.write("other.toml", "[others]\nnum_workers = 0\n"));
   ASSERT_FALSE(other_table);
   EXPECT_THAT(other_table.error().message, HasSubstr("'others'"));
-  const auto deep = read_settings_toml(folder_.write("deep.toml", "[asked_for]\nseed = [1]\n"));
+  const auto deep = read_settings_toml(folder_.write("deep.toml", "[explicit]\nseed = [1]\n"));
   ASSERT_FALSE(deep);
   EXPECT_THAT(deep.error().message, HasSubstr("deep.toml:2:"));
 }
@@ -701,7 +704,7 @@ TEST(OldRuns, DrawTheBatchesThatTheyDrew) {
                                   {"algo = \"idqn\"\nuse_rnn = true\n", 9},
                                   {"algo = \"ippo\"\nuse_rnn = true\n", 0}}) {
     const std::string path =
-        folder.write("config.toml", run + sizes + "[asked_for]\ndqn_batch_decisions = 0\n");
+        folder.write("config.toml", run + sizes + "[explicit]\ndqn_batch_decisions = 0\n");
     const Expected<RunConfig> config = load_run_config(path);
     ASSERT_TRUE(config) << config.error().message;
     EXPECT_EQ(config->q_learning.replay_batch_size, size) << run;
