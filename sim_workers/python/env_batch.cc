@@ -69,16 +69,16 @@ struct EnvBatch::Works {
     Status status;
     std::deque<Job> jobs;  // guarded by `mutex`
   };
-  explicit Works(int threads) : lanes(static_cast<std::size_t>(threads)), crew(threads) {}
+  explicit Works(int threads) : lanes(static_cast<std::size_t>(threads)), pool(threads) {}
   ~Works() {  // what belongs to a thread ends in it
     wait();
-    crew.start([this](int thread) {
+    pool.start([this](int thread) {
       Lane& lane = lanes[static_cast<std::size_t>(thread)];
       if (lane.library != nullptr) lane.library->draw_with(nullptr);
       lane.painter.reset();
       lane.renderer.reset();
     });
-    crew.wait();
+    pool.wait();
   }
   /// Until the threads have done what they were given.
   void wait() {
@@ -87,7 +87,7 @@ struct EnvBatch::Works {
       is_serving = false;
     }
     asked.notify_all();
-    crew.wait();
+    pool.wait();
   }
   std::vector<Slot> slots;
   std::vector<Lane> lanes;
@@ -96,7 +96,7 @@ struct EnvBatch::Works {
   bool is_serving = false;  // threads wait for jobs
   std::vector<int> done;    // jobs that are, by environment
   Status failed;            // of a job
-  Crew crew;
+  ThreadPool pool;
 };
 
 class EnvBatch::Entry {
@@ -265,13 +265,13 @@ void EnvBatch::size_arrays() {
 void EnvBatch::run(std::function<Status(int)> task, bool serves) {
   works_->wait();
   works_->is_serving = serves;  // no thread runs that could read it
-  works_->crew.start([this, task = std::move(task)](int thread) {
+  works_->pool.start([this, task = std::move(task)](int thread) {
     works_->lanes[static_cast<std::size_t>(thread)].status = task(thread);
   });
 }
 
 Status EnvBatch::finish() {
-  works_->crew.wait();
+  works_->pool.wait();
   for (const Works::Lane& lane : works_->lanes)
     if (!lane.status) return lane.status;
   return {};

@@ -1,4 +1,4 @@
-// Many environments behind one call, for Python: a crew of threads steps and draws them, results lie in arrays that
+// Many environments behind one call, for Python: a thread pool steps and draws them, results lie in arrays that
 // Python sees without a copy. Stage: tic > render > step, in place of a simulator worker.
 #pragma once
 
@@ -18,7 +18,7 @@
 #include "sim_workers/engine/render/automap.h"
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/env/doom_env.h"
-#include "sim_workers/python/crew.h"
+#include "sim_workers/python/thread_pool.h"
 
 namespace comrad::python {
 

@@ -1,14 +1,14 @@
-#include "sim_workers/python/crew.h"
+#include "sim_workers/python/thread_pool.h"
 
 #include <utility>
 
 namespace comrad::python {
 
-Crew::Crew(int size) {
+ThreadPool::ThreadPool(int size) {
   for (int index = 0; index < size; ++index) threads_.emplace_back([this, index] { work(index); });
 }
 
-Crew::~Crew() {
+ThreadPool::~ThreadPool() {
   wait();
   {
     const std::lock_guard lock(mutex_);
@@ -18,7 +18,7 @@ Crew::~Crew() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-void Crew::start(std::function<void(int)> task) {
+void ThreadPool::start(std::function<void(int)> task) {
   {
     const std::lock_guard lock(mutex_);
     task_ = std::move(task);
@@ -28,12 +28,12 @@ void Crew::start(std::function<void(int)> task) {
   begins_.notify_all();
 }
 
-void Crew::wait() {
+void ThreadPool::wait() {
   std::unique_lock lock(mutex_);
   ends_.wait(lock, [this] { return busy_ == 0; });
 }
 
-void Crew::work(int index) {
+void ThreadPool::work(int index) {
   uint64_t seen = 0;
   std::unique_lock lock(mutex_);
   while (true) {

@@ -1,4 +1,4 @@
-// Threads that work in step: one command at a time, each thread on its own share, done when all are.
+// A thread pool that runs one task at a time: each thread does its share, and the task ends when all have ended.
 // Stage: beside step, for Python.
 #pragma once
 
@@ -12,17 +12,17 @@
 namespace comrad::python {
 
 /// Threads: all calls from one thread at a time.
-class Crew {
+class ThreadPool {
  public:
-  explicit Crew(int size);
-  ~Crew();
-  Crew(const Crew&) = delete;
-  Crew& operator=(const Crew&) = delete;
+  explicit ThreadPool(int size);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
 
   int size() const { return static_cast<int>(threads_.size()); }
-  /// Every thread runs `task(its index)`; comes back at once. The last task must have ended.
+  /// Every thread runs `task(its index)`; returns at once. The last task must have ended.
   void start(std::function<void(int)> task);
-  /// Until the task has ended in every thread.
+  /// Waits until the task has ended in every thread.
   void wait();
 
  private:
