@@ -93,7 +93,7 @@ class StepRunner {
 
   /// Optimizer steps of the policy so far.
   PolicyVersion version() const { return version_; }
-  /// Goes on from a checkpoint; recordings are made anew, moments may have moved.
+  /// Goes on from a checkpoint; recordings are rebuilt, moments may have moved.
   void resume(PolicyVersion version);
 
   enum class Result {

@@ -98,7 +98,7 @@ class Graph {
 };
 
 /// Whether work is being recorded, in any thread; on a CPU, where nothing is recorded, while a Graph replays. What is kept from one
-/// pass to the next must be made anew then: a replay would not see that it is outdated.
+/// pass to the next must be rebuilt then: a replay would not see that it is outdated.
 bool is_recording();
 
 /// What a device's memory looks like; 0 where it is the host's.

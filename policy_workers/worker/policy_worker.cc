@@ -197,10 +197,10 @@ void PolicyWorker::report(const char* state) {
 
 namespace {
 
-/// Random frames and a network that plays them.
-class MadeUpBatch {
+/// Random frames, and the network that acts on them.
+class SyntheticBatch {
  public:
-  MadeUpBatch(const ActorCritic& policy, int64_t rows) : policy_(policy) {
+  SyntheticBatch(const ActorCritic& policy, int64_t rows) : policy_(policy) {
     const NetworkOptions& options = policy.options();
     const int64_t frame_bytes = options.env.frame_bytes(), worlds = rows / options.env.num_agents;
     torch::manual_seed(0);
@@ -212,7 +212,7 @@ class MadeUpBatch {
       batch_.global_state = torch::randn({worlds, options.global_state_count});
     for (int64_t row = 0; row < rows; ++row)
       batch_.frames.push_back(frames_.data_ptr<uint8_t>() + row * frame_bytes);
-    // So that denormals and clips are as in real use.
+    // Statistics give denormals and clips as in real use.
     policy.update_input_statistics(frames_, batch_.measurement);
     if (policy.device().is_cpu()) return;
     for (int world = 0; world < worlds; ++world) {
@@ -255,7 +255,7 @@ class MadeUpBatch {
 }  // namespace
 
 InferenceBench bench_inference(const ActorCritic& policy, int64_t batch_rows, double seconds) {
-  MadeUpBatch batch(policy, batch_rows);
+  SyntheticBatch batch(policy, batch_rows);
   for (int warm_up = 0; warm_up < 3; ++warm_up) batch.pass();
   const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   int64_t passes = 0;

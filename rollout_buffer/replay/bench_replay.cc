@@ -331,7 +331,7 @@ Status run(const Arguments& arguments) {
                                 {"gb_per_s", first["gb_per_s"]},
                                 {"rollout", arguments.rollout},
                                 {"batch", arguments.batch},
-                                {"pictures", arguments.pictures.empty() ? "made up" : arguments.pictures},
+                                {"pictures", arguments.pictures.empty() ? "synthetic" : arguments.pictures},
                                 {"replay_gb", arguments.replay_gb},
                                 {"free_memory_gb", static_cast<double>(shm::free_memory_bytes()) * 1e-9},
                                 {"modes", modes}};

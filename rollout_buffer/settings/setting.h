@@ -70,7 +70,7 @@ struct SettingTraits {
   std::array<std::string_view, 2> old_names = {};  ///< accepted as well
   bool fixed_in_a_run = false;                     ///< tensors of a checkpoint or data of a run depend on it
   bool sizes_the_arena = false;                    ///< automatic sizes are made from it
-  bool is_automatic_size = false;                  ///< made anew when one of those changes
+  bool is_automatic_size = false;                  ///< rebuilt when one of those changes
   bool is_a_list = false;                          ///< typed several times, the values are joined by commas
   bool is_of_the_start = false;                    ///< says where a run lies and how it was started
   AppliesWhen applies_when = {};                   ///< else that of its .def file
