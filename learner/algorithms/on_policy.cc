@@ -189,22 +189,22 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
   // Of the epoch in hand.
   double actor_loss = 0, kl = 0;
   int64_t trained = 0;
-  bool is_first = true, is_first_settled = false;
-  std::deque<Pending> given;
-  const auto settle_steps = [&](bool waits) -> Status {
-    while (!given.empty() && (waits || given.front().step.read.is_ready())) {
-      Pending pending = std::move(given.front());
-      given.pop_front();
-      const StepOutcome outcome = runner_.settle(pending.step, stats);
+  bool is_first = true, is_first_completed = false;
+  std::deque<Pending> launched;
+  const auto complete_steps = [&](bool waits) -> Status {
+    while (!launched.empty() && (waits || launched.front().step.read.is_ready())) {
+      Pending pending = std::move(launched.front());
+      launched.pop_front();
+      const StepOutcome outcome = runner_.complete(pending.step, stats);
       last_grad_norm_ = runner_.grad_norm();
       COMRAD_TRY(runner_.status());
       if (!outcome.was_taken) {
-        is_first_settled = true;
+        is_first_completed = true;
         continue;
       }
       terms = outcome.terms;
       const double kl_of_step = terms["kl_divergence"];
-      if (!std::exchange(is_first_settled, true))
+      if (!std::exchange(is_first_completed, true))
         kl_first = kl_of_step, clipped_first = terms["fraction_clipped"];
       terms.set("kl_first", kl_first);
       terms.set("fraction_clipped_first", clipped_first);
@@ -229,35 +229,35 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
               ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
               : narrow_rows(batch, begin * agents, (end - begin) * agents);
       if (stats.optimizer_steps > 0 && !ranks().all(!context.begin_step || context.begin_step())) {
-        COMRAD_TRY(settle_steps(/*waits=*/true));
+        COMRAD_TRY(complete_steps(/*waits=*/true));
         return PhaseEnd::kStopped;
       }
       const PolicyVersion version_before = version();
-      const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, given);
+      const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, launched);
       is_first = false;
       if (result == StepResult::kAbandoned || result == StepResult::kKlReached) {
-        COMRAD_TRY(settle_steps(/*waits=*/true));
+        COMRAD_TRY(complete_steps(/*waits=*/true));
         return result == StepResult::kAbandoned ? PhaseEnd::kAbandoned : PhaseEnd::kDone;
       }
-      if (result == StepResult::kSkipped) is_first_settled = true;
-      COMRAD_TRY(settle_steps(/*waits=*/schedule_.follows_minibatches()));
+      if (result == StepResult::kSkipped) is_first_completed = true;
+      COMRAD_TRY(complete_steps(/*waits=*/schedule_.follows_minibatches()));
       if (version() != version_before && context.after_step) context.after_step();
     }
     if (epoch + 1 == epochs && !schedule_.follows_epochs()) break;
-    COMRAD_TRY(settle_steps(/*waits=*/true));
+    COMRAD_TRY(complete_steps(/*waits=*/true));
     if (trained == 0 || !phase.trains_policy) continue;
     schedule_.after_epoch(kl / static_cast<double>(trained));
     actor_loss /= static_cast<double>(trained);
     if (std::abs(previous_actor_loss - actor_loss) < kEarlyStopLossChange) break;
     previous_actor_loss = actor_loss;
   }
-  COMRAD_TRY(settle_steps(/*waits=*/true));
+  COMRAD_TRY(complete_steps(/*waits=*/true));
   return PhaseEnd::kDone;
 }
 
 OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Phase& phase,
                                                const UpdateContext& context, bool is_first,
-                                               UpdateStats& stats, std::deque<Pending>& given) {
+                                               UpdateStats& stats, std::deque<Pending>& launched) {
   const SampleTotals totals = totals_of(minibatch);
   const bool has_policy = phase.trains_policy && totals.acting > 0;
   // Without anything to learn Adam's momentum would still move the weights.
@@ -278,20 +278,20 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
     };
   Pending pending{.step = {}, .has_policy = has_policy};
   const StepRunner::Result result =
-      runner_.give({.optimizer = phase.optimizer,
-                    .input = input,
-                    .scalars = scalars(totals),
-                    .learning_rate = schedule_.learning_rate() * (totals.valid / totals.places),
-                    .keeps = keeps_log_prob,
-                    .keep_going = context.keep_going,
-                    .is_wanted = is_wanted},
-                   stats, pending.step);
+      runner_.launch({.optimizer = phase.optimizer,
+                      .input = input,
+                      .scalars = scalars(totals),
+                      .learning_rate = schedule_.learning_rate() * (totals.valid / totals.places),
+                      .keeps = keeps_log_prob,
+                      .keep_going = context.keep_going,
+                      .is_wanted = is_wanted},
+                     stats, pending.step);
   if (result == StepRunner::Result::kAbandoned) return StepResult::kAbandoned;
   stats.rows_trained += minibatch.steps() * minibatch.rows();
   if (result == StepRunner::Result::kRefused) return StepResult::kKlReached;
   if (keeps_log_prob) *phase.first_log_prob = at::cat(pending.step.terms.kept, 1);
-  given.push_back(std::move(pending));
-  return StepResult::kGiven;
+  launched.push_back(std::move(pending));
+  return StepResult::kLaunched;
 }
 
 std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) const {

@@ -114,9 +114,9 @@ class OnPolicy : public OnPolicyAlgorithm {
  private:
   /// A minibatch, or a whole batch, and the phase that reads it.
   class Input;
-  /// A step given, and whether it trains the policy.
+  /// A launched step, and whether it trains the policy.
   struct Pending {
-    GivenStep step;
+    LaunchedStep step;
     bool has_policy = false;
   };
   /// Samples of a minibatch of all ranks.
@@ -125,13 +125,13 @@ class OnPolicy : public OnPolicyAlgorithm {
   };
   /// PpoScalars of this moment.
   std::vector<double> scalars(const SampleTotals& totals) const;
-  enum class StepResult { kGiven, kSkipped, kAbandoned, kKlReached };
+  enum class StepResult { kLaunched, kSkipped, kAbandoned, kKlReached };
   SampleTotals totals_of(const RolloutBatch& minibatch);
   /// A batch in parts, as views: whole worlds, at least one, and no more than lets every thread have a part.
   std::vector<RolloutBatch> micro_batches(const RolloutBatch& batch) const;
   Evaluation evaluate_now(const RolloutBatch& batch, const Forward& forward) const;
   StepResult train_minibatch(RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
-                             bool is_first, UpdateStats& stats, std::deque<Pending>& given);
+                             bool is_first, UpdateStats& stats, std::deque<Pending>& launched);
 };
 
 }  // namespace comrad::learn

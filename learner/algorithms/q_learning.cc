@@ -204,18 +204,19 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch, ranks()));
   if (batch.least_probability > totals.least_probability)  // see the factor f_k in the header
     batch.weight.mul_(std::pow(totals.least_probability / batch.least_probability, batch.weight_exponent));
-  // The device is given the whole step before anything is asked of it.
+  // The whole step is queued before its results are read.
   Input input(*this, parts_of(batch));
-  GivenStep given;
+  LaunchedStep launched;
   {
     const device::StepScope nothing_waits;
-    if (runner_.give(request_for(input, totals, context), stats, given) != StepRunner::Result::kGiven) {
+    if (runner_.launch(request_for(input, totals, context), stats, launched) !=
+        StepRunner::Result::kLaunched) {
       stats.abandoned = true;
       return stats;
     }
   }
   stats.rows_trained += batch.steps() * batch.rows();
-  const StepOutcome outcome = runner_.settle(given, stats);
+  const StepOutcome outcome = runner_.complete(launched, stats);
   batch.abs_td = torch::tensor(outcome.kept, torch::kFloat32);
   if (!outcome.was_taken) {
     COMRAD_TRY(runner_.status());

@@ -22,7 +22,7 @@ void StepGuard::count_step(PolicyVersion& version, UpdateStats& stats) {
   ++stats.optimizer_steps;
 }
 
-void StepGuard::settle(const Outcome& outcome, PolicyVersion& version, UpdateStats& stats) {
+void StepGuard::complete(const Outcome& outcome, PolicyVersion& version, UpdateStats& stats) {
   grad_norm_ = outcome.grad_norm;
   if (outcome.was_taken) {
     skipped_in_a_row_ = invalid_in_a_row_ = 0;

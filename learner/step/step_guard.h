@@ -11,11 +11,11 @@ namespace comrad::learn {
 
 class StepGuard {
  public:
-  /// Gives the device the step, which it takes where `loss` (one number on the device) and the gradient are finite, and
+  /// Launches the step, which the device takes where `loss` (one number on the device) and the gradient are finite, and
   /// counts it in `version` and `stats` as taken. Returns AdamOptimizer::step()'s two numbers.
   torch::Tensor step(AdamOptimizer& optimizer, const torch::Tensor& loss, double learning_rate,
                      PolicyVersion& version, UpdateStats& stats);
-  /// Counts a step that the device was given otherwise, as step() does.
+  /// Counts a step that was launched otherwise, as step() does.
   static void count_step(PolicyVersion& version, UpdateStats& stats);
   /// What became of a step, in the order of the steps. One that was not taken is taken back out of the counts.
   struct Outcome {
@@ -24,7 +24,7 @@ class StepGuard {
     double loss = 0;
     double learning_rate = 0;
   };
-  void settle(const Outcome& outcome, PolicyVersion& version, UpdateStats& stats);
+  void complete(const Outcome& outcome, PolicyVersion& version, UpdateStats& stats);
   /// A batch without a valid sample: no step is taken. `dropped` samples of it were too old. Errors: as status().
   Status skip_invalid_batch(int64_t dropped, UpdateStats& stats);
   /// Errors: kBadInput after 20 skipped steps or batches in a row, with what to do.

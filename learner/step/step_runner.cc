@@ -92,7 +92,7 @@ struct StepRunner::RecordedStep : Recorded {
   bool keeps = false;
   Tensor settings;  ///< f64 [K + 1]: the scalars, the learning rate
   MinibatchTerms terms;
-  Tensor outcome;  ///< f64: what a GivenStep reads
+  Tensor outcome;  ///< f64: what a LaunchedStep reads
 };
 
 /// And a look without gradient.
@@ -120,28 +120,29 @@ Tensor StepRunner::to_read(const StepRequest& request, const MinibatchTerms& ter
   return at::cat(numbers).to(torch::kFloat64);
 }
 
-StepRunner::Result StepRunner::give(const StepRequest& request, UpdateStats& stats, GivenStep& given) {
-  given.learning_rate = request.learning_rate;
-  given.has_second_moment = request.reads_second_moment;
+StepRunner::Result StepRunner::launch(const StepRequest& request, UpdateStats& stats,
+                                      LaunchedStep& launched) {
+  launched.learning_rate = request.learning_rate;
+  launched.has_second_moment = request.reads_second_moment;
   if (records() && !request.is_wanted) {
     if (request.keep_going && !request.keep_going()) return Result::kAbandoned;
     guard_.count_step(version_, stats);
-    give_recorded(request, given);
-    return Result::kGiven;
+    launch_recorded(request, launched);
+    return Result::kLaunched;
   }
   request.optimizer.zero_grad();
   if (!add_gradient(request.input, request.optimizer, tensors_of(request.scalars), request.keeps,
-                    request.keep_going, given.terms))
+                    request.keep_going, launched.terms))
     return Result::kAbandoned;
   if (request.is_wanted) {
-    device::Readback read(at::cat(given.terms.of_parts).to(torch::kFloat64));
+    device::Readback read(at::cat(launched.terms.of_parts).to(torch::kFloat64));
     read.wait();
-    if (!request.is_wanted(given.terms.values(read.values()))) return Result::kRefused;
+    if (!request.is_wanted(launched.terms.values(read.values()))) return Result::kRefused;
   }
   const Tensor outcome =
-      guard_.step(request.optimizer, given.terms.loss, request.learning_rate, version_, stats);
-  given.read = device::Readback(to_read(request, given.terms, outcome));
-  return Result::kGiven;
+      guard_.step(request.optimizer, launched.terms.loss, request.learning_rate, version_, stats);
+  launched.read = device::Readback(to_read(request, launched.terms, outcome));
+  return Result::kLaunched;
 }
 
 StepRunner::RecordedStep& StepRunner::recorded_step(const StepRequest& request) {
@@ -169,7 +170,7 @@ StepRunner::RecordedStep& StepRunner::recorded_step(const StepRequest& request) 
   return made;
 }
 
-void StepRunner::give_recorded(const StepRequest& request, GivenStep& given) {
+void StepRunner::launch_recorded(const StepRequest& request, LaunchedStep& launched) {
   RecordedStep& recorded = recorded_step(request);
   {
     torch::NoGradGuard no_grad;
@@ -180,10 +181,10 @@ void StepRunner::give_recorded(const StepRequest& request, GivenStep& given) {
     recorded.settings.copy_(settings, /*non_blocking=*/true);
   }
   recorded.replay(request.input);
-  given.terms = recorded.terms;
+  launched.terms = recorded.terms;
   // The next replay writes over them.
-  for (Tensor& samples : given.terms.kept) samples = samples.clone();
-  given.read = device::Readback(recorded.outcome);
+  for (Tensor& samples : launched.terms.kept) samples = samples.clone();
+  launched.read = device::Readback(recorded.outcome);
 }
 
 bool StepRunner::add_gradient(const StepInput& input, const AdamOptimizer& optimizer,
@@ -231,21 +232,21 @@ std::optional<StepOutcome> StepRunner::gradient_of(const StepRequest& request) {
   return outcome;
 }
 
-StepOutcome StepRunner::settle(GivenStep& given, UpdateStats& stats) {
-  if (!given.read.is_ready()) given.read.wait();
-  const double* const first = given.read.values();
-  const double* last = first + given.read.count();
+StepOutcome StepRunner::complete(LaunchedStep& launched, UpdateStats& stats) {
+  if (!launched.read.is_ready()) launched.read.wait();
+  const double* const first = launched.read.values();
+  const double* last = first + launched.read.count();
   StepOutcome outcome;
-  outcome.terms = given.terms.values(first);
-  if (given.has_second_moment) outcome.max_second_moment = *--last;
+  outcome.terms = launched.terms.values(first);
+  if (launched.has_second_moment) outcome.max_second_moment = *--last;
   last -= 2;  // AdamOptimizer::step()'s numbers
   outcome.was_taken = last[0] != 0;
-  outcome.kept.assign(first + given.terms.of_parts.size() * given.terms.names.size(), last);
-  guard_.settle({.was_taken = outcome.was_taken,
-                 .grad_norm = last[1],
-                 .loss = outcome.terms.loss(),
-                 .learning_rate = given.learning_rate},
-                version_, stats);
+  outcome.kept.assign(first + launched.terms.of_parts.size() * launched.terms.names.size(), last);
+  guard_.complete({.was_taken = outcome.was_taken,
+                   .grad_norm = last[1],
+                   .loss = outcome.terms.loss(),
+                   .learning_rate = launched.learning_rate},
+                  version_, stats);
   return outcome;
 }
 

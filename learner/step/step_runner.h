@@ -2,8 +2,8 @@
 // and numbers added in order and over all ranks, the clip, Adam, the guard, and what all of it said, read back in one go.
 //
 //   StepInput   the tensors that a step reads, and the loss of each of its micro-batches
-//   give()      asks the device for a step; nothing waits
-//   settle()    what became of it, in the order of the steps
+//   launch()    queues a step on the device; nothing waits
+//   complete()  what became of it, in the order of the steps
 //
 // A GPU gets the step of a learner that is alone as one recorded piece: everything the work reads lies in tensors that are filled
 // before it is replayed, and what changes from step to step is a number on the device. Threads: the learner's. Stage: update.
@@ -30,7 +30,7 @@
 
 namespace comrad::learn {
 
-/// The loss of one micro-batch, with gradient. `scalars`, f64 [] each and at least as many as the step was given: what means
+/// The loss of one micro-batch, with gradient. `scalars`, f64 [] each and at least as many as the step has: what means
 /// divide by, and settings that may be others at the next step. Called in several threads at once.
 using MicroLoss = std::function<LossTerms(std::span<const Tensor> scalars)>;
 
@@ -68,7 +68,7 @@ struct StepRequest {
 };
 
 /// A step whose outcome is not known yet.
-struct GivenStep {
+struct LaunchedStep {
   MinibatchTerms terms;
   device::Readback read;
   double learning_rate = 0;
@@ -97,13 +97,13 @@ class StepRunner {
   void resume(PolicyVersion version);
 
   enum class Result {
-    kGiven,
+    kLaunched,
     kAbandoned,  ///< keep_going() said no, or a rank has left
     kRefused,    ///< is_wanted() said no
   };
-  Result give(const StepRequest& request, UpdateStats& stats, GivenStep& given);
+  Result launch(const StepRequest& request, UpdateStats& stats, LaunchedStep& step);
   /// Waits where the numbers are not there yet. A step that was not taken is taken back out of the counts.
-  StepOutcome settle(GivenStep& given, UpdateStats& stats);
+  StepOutcome complete(LaunchedStep& step, UpdateStats& stats);
 
   /// Adds the gradient of a whole minibatch, of all ranks, to the parameters' .grad: the sum does not depend on which thread was
   /// first. False when keep_going() said no, or a rank has left.
@@ -123,7 +123,7 @@ class StepRunner {
     return guard_.skip_invalid_batch(dropped, stats);
   }
   Status status() const { return guard_.status(); }
-  double grad_norm() const { return guard_.grad_norm(); }  ///< of the last step settled, before clipping
+  double grad_norm() const { return guard_.grad_norm(); }  ///< of the last step completed, before clipping
   double learning_rate() const { return guard_.learning_rate(); }  ///< of the last step taken
 
  private:
@@ -131,7 +131,7 @@ class StepRunner {
   struct RecordedStep;
   struct RecordedLook;
   RecordedStep& recorded_step(const StepRequest& request);
-  void give_recorded(const StepRequest& request, GivenStep& given);
+  void launch_recorded(const StepRequest& request, LaunchedStep& step);
   static Tensor to_read(const StepRequest& request, const MinibatchTerms& terms, const Tensor& outcome);
 
   torch::Device device_;

@@ -95,7 +95,7 @@ void Event::wait() const {
   if (place_) C10_CUDA_CHECK(cudaEventSynchronize(place_->event));
 }
 
-bool Graph::give(bool records) {
+bool Graph::launch(bool records) {
   const Stream before = Stream::current(device_), stream = Stream::beside(device_);
   Event reached;
   reached.record(before);
@@ -126,7 +126,7 @@ bool Graph::give(bool records) {
     if (refusal.empty()) refusal = error.what();
   }
   if (!refusal.empty()) {
-    spdlog::warn("device: work is given piece by piece, it could not be recorded: {}", refusal);
+    spdlog::warn("device: CUDA graph capture failed; operators are launched one by one: {}", refusal);
     return false;
   }
   recording_ = std::move(recording);
@@ -137,17 +137,17 @@ bool Graph::record(torch::Device device, std::function<void()> work) {
   work_ = std::move(work);
   device_ = device;
   if (!device.is_cuda()) return true;
-  (void)give(/*records=*/false);  // allocators and libraries set themselves up outside of the recording
-  return give(/*records=*/true);
+  (void)launch(/*records=*/false);  // allocators and libraries set themselves up outside of the recording
+  return launch(/*records=*/true);
 }
 
 void Graph::replay() {
   if (replays_before_recording_ >= 0 && device_.is_cuda()) {
     if (replays_before_recording_-- > 0) {
-      (void)give(/*records=*/false);
+      (void)launch(/*records=*/false);
       return;
     }
-    (void)give(/*records=*/true);
+    (void)launch(/*records=*/true);
   }
   if (recording_) {
     recording_->graph.replay();
@@ -181,7 +181,7 @@ StreamScope::StreamScope(const Stream&) {}
 void Event::record(const Stream&) {}
 bool Event::is_done() const { return true; }
 void Event::wait() const {}
-bool Graph::give(bool) { return false; }
+bool Graph::launch(bool) { return false; }
 bool Graph::record(torch::Device, std::function<void()> work) {
   work_ = std::move(work);
   return true;

@@ -18,7 +18,7 @@ using torch::Tensor;
 
 class Event;
 
-/// One queue of a device; what is given to one queue is done in order. Threads: one gives it work at a time.
+/// One queue of a device, which runs its work in launch order. Threads: one launches work at a time.
 class Stream {
  public:
   /// The queue that operators of the calling thread go to.
@@ -71,8 +71,8 @@ int64_t aligned(int64_t bytes);
 /// `count` numbers of `type` at an aligned `offset` of u8 [B].
 Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type);
 
-/// Work of fixed shapes and addresses that is recorded once and then given to the device as one piece. What it reads and
-/// writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it is done anew each time.
+/// Work of fixed shapes and addresses that is recorded once and then launched as one piece. What it reads and
+/// writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it is launched again each time.
 class Graph {
  public:
   Graph();
@@ -82,7 +82,7 @@ class Graph {
 
   /// Records `work`, which is done once before: it must not matter. False, with a warning in the log, where the device refused.
   bool record(torch::Device device, std::function<void()> work);
-  /// For work that matters each time: the first replay() gives it piece by piece, the second one records it.
+  /// For work that matters each time: the first replay() launches it piece by piece, the second one records it.
   void record_at_second_replay(torch::Device device, std::function<void()> work);
   void replay();
   bool is_recorded() const { return recording_ != nullptr; }
@@ -90,7 +90,7 @@ class Graph {
  private:
   struct Recording;
   /// The work on a queue of its own, done (`records` false) or recorded.
-  bool give(bool records);
+  bool launch(bool records);
   std::unique_ptr<Recording> recording_;
   std::function<void()> work_;
   torch::Device device_ = torch::kCPU;
