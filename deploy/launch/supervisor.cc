@@ -9,7 +9,7 @@
 #include <optional>
 #include <utility>
 
-#include "deploy/launch/control_door.h"
+#include "deploy/launch/control_socket.h"
 #include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
@@ -75,7 +75,7 @@ class Supervisor {
 
  private:
   Status prepare();
-  Status open_doors();
+  Status open_sockets();
   void start();
 
   // One turn of the loop.
@@ -87,7 +87,7 @@ class Supervisor {
   void answer_visitors();
 
   // What comrad ctl asks for.
-  DoorOrders orders();
+  ControlCommands orders();
   const RunSnapshot& snapshot();
   Status drain(const std::string& host);
 
@@ -110,7 +110,7 @@ class Supervisor {
   Supervision supervision_;
   RunReport report_;
   SnapshotTaker snapshots_;
-  std::optional<ControlDoor> door_;
+  std::optional<ControlSocket> control_;
   std::optional<MetricsPage> page_;
   RunSnapshot snapshot_;
   double snapshot_s_ = 0;
@@ -125,7 +125,7 @@ Status Supervisor::prepare() {
   link::remove_accounts(plan_.run_dir);
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
   for (const std::string& text : plan_.notes) resources_.note("note: " + text);
-  COMRAD_TRY(open_doors());
+  COMRAD_TRY(open_sockets());
   resources_.warn_once(write_status(plan_.run_dir, report_.status("starting", "")));
   return {};
 }
@@ -137,13 +137,13 @@ void Supervisor::start() {
   line_timer_.wait_until(clock_.now_s() + line_interval_s());
 }
 
-/// A run without a door trains as well; a page that was asked for must be there.
-Status Supervisor::open_doors() {
+/// A run trains without a control socket as well; a metrics page that was requested must open.
+Status Supervisor::open_sockets() {
   if (!plan_.trains() || plan_.lock_descriptor < 0) return {};
-  const DoorSign sign = make_door_sign();
-  Expected<ControlDoor> door = ControlDoor::open(sign.door, orders());
-  if (door) door_.emplace(std::move(door).value());
-  resources_.warn_once(door ? write_door_sign(plan_.lock_descriptor, sign) : door.error());
+  const ControlAddress address = make_control_address();
+  Expected<ControlSocket> socket = ControlSocket::open(address.socket, orders());
+  if (socket) control_.emplace(std::move(socket).value());
+  resources_.warn_once(socket ? write_control_address(plan_.lock_descriptor, address) : socket.error());
   if (plan_.config.run.metrics_port == 0) return {};
   COMRAD_TRY_ASSIGN(page_, MetricsPage::open(static_cast<int>(plan_.config.run.metrics_port),
                                              [this] { return metrics_text(snapshot()); }));
@@ -219,11 +219,11 @@ void Supervisor::answer_visitors() {
   const double now_s = clock_.now_s();
   if (resources_.is_open() && look_timer_.is_due(now_s, kLookIntervalS))
     snapshots_.look(resources_.arena(), now_s);
-  if (door_) door_->tick(now_s);
+  if (control_) control_->tick(now_s);
   if (page_) page_->tick();
 }
 
-DoorOrders Supervisor::orders() {
+ControlCommands Supervisor::orders() {
   return {.status = [this] { return to_json(snapshot()); },
           .pause = [this] { return snapshot_s_ = 0, supervision_.pause(); },
           .resume = [this] { return snapshot_s_ = 0, supervision_.resume(); },

@@ -58,27 +58,27 @@ Expected<LiveRun> find_live_run(const std::string& name, const std::string& trai
   LiveRun run;
   COMRAD_TRY_ASSIGN(run.dir, find_run(name, train_dir));
   run.name = fs::path(run.dir).filename().string();
-  const std::optional<DoorSign> sign = read_door_sign(run.dir);
-  if (!sign) {
+  const std::optional<ControlAddress> address = read_control_address(run.dir);
+  if (!address) {
     if (access((run.dir + "/.lock").c_str(), F_OK) == 0 && access((run.dir + "/.lock").c_str(), R_OK) != 0)
       return Error{ErrorCode::kBadInput,
                    "run '" + run.name + "' may not be read by this user: " + run.dir + "/.lock"};
     return not_running(run);
   }
-  run.sign = *sign;
-  if (!run.sign.host.empty() && run.sign.host != host_name() && !is_held(run.dir)) {
+  run.control = *address;
+  if (!run.control.host.empty() && run.control.host != host_name() && !is_held(run.dir)) {
     // A lock of another host shows here only where the file system passes locks on.
-    return Error{ErrorCode::kBadInput, "run '" + run.name + "' was started on host " + run.sign.host +
+    return Error{ErrorCode::kBadInput, "run '" + run.name + "' was started on host " + run.control.host +
                                            "; if it runs, ask for it there" + state_of(run.dir)};
   }
   if (!is_held(run.dir)) return not_running(run);
-  if (!run.sign.host.empty() && run.sign.host != host_name())
+  if (!run.control.host.empty() && run.control.host != host_name())
     return Error{ErrorCode::kBadInput,
-                 "run '" + run.name + "' runs on host " + run.sign.host + "; ask for it there"};
-  if (run.sign.door.empty())
+                 "run '" + run.name + "' runs on host " + run.control.host + "; ask for it there"};
+  if (run.control.socket.empty())
     return Error{ErrorCode::kBadInput,
-                 "run '" + run.name + "' (pid " + std::to_string(run.sign.pid) +
-                     ") has no door: it is still being set up, or another build of comrad runs it"};
+                 "run '" + run.name + "' (pid " + std::to_string(run.control.pid) +
+                     ") has no control socket: it is still starting, or another build of comrad runs it"};
   return run;
 }
 
@@ -97,33 +97,33 @@ std::vector<LiveRun> live_runs(const std::string& train_dir) {
 Expected<json> ask(const LiveRun& run, const json& request, double timeout_s) {
   const double deadline_s = monotonic_s() + timeout_s;
   const std::string who = "run '" + run.name + "'";
-  Expected<Descriptor> connected = connect_to_name(run.sign.door);
+  Expected<Descriptor> connected = connect_to_name(run.control.socket);
   if (!connected) {
     if (connected.error().code != ErrorCode::kNotFound) return connected.error();
     if (!is_held(run.dir)) return not_running(run);
     return Error{ErrorCode::kPeerLost,
-                 who + " (pid " + std::to_string(run.sign.pid) +
+                 who + " (pid " + std::to_string(run.control.pid) +
                      ") does not answer here: it is ending, or runs in another container or network "
                      "namespace, and is asked there"};
   }
-  const Descriptor& door = *connected;
-  const Peer peer = peer_of(door.get());
+  const Descriptor& socket = *connected;
+  const Peer peer = peer_of(socket.get());
   const auto us = static_cast<int64_t>(geteuid());
   if (peer.user != us && us != 0)
     return Error{ErrorCode::kBadInput, who + " belongs to user " + user_name(peer.user) + ", you are " +
                                            user_name(us) + "; ask as that user"};
   const std::string line = request.dump() + "\n";
-  if (send(door.get(), line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size()))
+  if (send(socket.get(), line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size()))
     return system_error("asking " + who);
   std::string answer;
   for (;;) {
-    pollfd readable{.fd = door.get(), .events = POLLIN, .revents = 0};
+    pollfd readable{.fd = socket.get(), .events = POLLIN, .revents = 0};
     const double left_s = deadline_s - monotonic_s();
     if (left_s <= 0 || poll(&readable, 1, static_cast<int>(left_s * 1000) + 1) == 0)
-      return Error{ErrorCode::kTimeout, who + " (pid " + std::to_string(run.sign.pid) +
+      return Error{ErrorCode::kTimeout, who + " (pid " + std::to_string(run.control.pid) +
                                             ") does not answer; is its supervisor stopped (SIGSTOP)?"};
     char bytes[16384];
-    const ssize_t size = recv(door.get(), bytes, sizeof bytes, MSG_DONTWAIT);
+    const ssize_t size = recv(socket.get(), bytes, sizeof bytes, MSG_DONTWAIT);
     if (size < 0 && (errno == EAGAIN || errno == EINTR)) continue;
     if (size <= 0) break;
     answer.append(bytes, static_cast<std::size_t>(size));

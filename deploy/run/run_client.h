@@ -1,11 +1,11 @@
-// How `comrad ctl` and `comrad top` find a run that is alive and talk to its supervisor (deploy/launch/control_door.h).
+// How `comrad ctl` and `comrad top` find a run that is alive and talk to its supervisor (deploy/launch/control_socket.h).
 #pragma once
 
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-#include "deploy/launch/control_door.h"
+#include "deploy/launch/control_socket.h"
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad::deploy {
@@ -14,11 +14,11 @@ namespace comrad::deploy {
 struct LiveRun {
   std::string name;  ///< of its folder
   std::string dir;
-  DoorSign sign;
+  ControlAddress control;
 };
 
 /// The run that a user names, by folder or experiment. Errors: kNotFound where there is no such run or it is not running,
-/// kBadInput where it runs on another host or has no door here, each with what to do.
+/// kBadInput where it runs on another host or has no control socket here, each with what to do.
 Expected<LiveRun> find_live_run(const std::string& name, const std::string& train_dir);
 /// The runs of a folder whose lock is held, sorted by name.
 std::vector<LiveRun> live_runs(const std::string& train_dir);

@@ -1,4 +1,4 @@
-// Tables and lines about a run for terminals of any width, from what the run says at its door.
+// Tables and lines about a run for terminals of any width, from the status that the run's control socket reports.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <thread>
 
-#include "deploy/launch/control_door.h"
+#include "deploy/launch/control_socket.h"
 #include "deploy/launch/metrics_page.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/shm/accounts.h"
@@ -146,17 +146,17 @@ void adopt_arena_of(std::string_view bytes) {
 
 void ask_at_the_door(std::string_view bytes) {
   int orders = 0;
-  const deploy::DoorOrders door = {.status = [] { return std::string("{}"); },
-                                   .pause = [&] { return ++orders, Status(); },
-                                   .resume = [&] { return ++orders, Status(); },
-                                   .stop = [&] { return ++orders, Status(); },
-                                   .checkpoint = [&] { return ++orders, Expected<uint32_t>(1u); },
-                                   .drain =
-                                       [&](const std::string& host) {
-                                         require(host.size() <= 255);
-                                         return ++orders, Status();
-                                       }};
-  const std::string answer = deploy::answer_at_door(bytes, door);
+  const deploy::ControlCommands commands = {.status = [] { return std::string("{}"); },
+                                            .pause = [&] { return ++orders, Status(); },
+                                            .resume = [&] { return ++orders, Status(); },
+                                            .stop = [&] { return ++orders, Status(); },
+                                            .checkpoint = [&] { return ++orders, Expected<uint32_t>(1u); },
+                                            .drain =
+                                                [&](const std::string& host) {
+                                                  require(host.size() <= 255);
+                                                  return ++orders, Status();
+                                                }};
+  const std::string answer = deploy::answer_command(bytes, commands);
   require(answer.ends_with('\n') && answer.find('\n') == answer.size() - 1 && orders <= 1);
   const std::string page =
       deploy::http_answer(bytes, deploy::metrics_rules([] { return std::string("page"); }));

@@ -1,4 +1,4 @@
-#include "deploy/launch/control_door.h"
+#include "deploy/launch/control_socket.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -13,14 +13,14 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace control_door_test {
+namespace control_socket_test {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
 
-class ControlDoorTest : public ::testing::Test {
+class ControlSocketTest : public ::testing::Test {
  protected:
-  DoorOrders orders() {
+  ControlCommands orders() {
     const auto note = [this](const char* what) { done_ += std::string(what) + " "; };
     return {.status = [] { return std::string(R"({"state":"running"})"); },
             .pause = [note] { return note("pause"), Status(); },
@@ -33,23 +33,23 @@ class ControlDoorTest : public ::testing::Test {
             .drain = [note](const std::string& host) { return note(("drain " + host).c_str()), Status(); }};
   }
   std::string error_of(const std::string& request) {
-    const json answer = json::parse(answer_at_door(request, orders()));
+    const json answer = json::parse(answer_command(request, orders()));
     return answer.value("error", "none");
   }
   std::string done_;
 };
 
-TEST_F(ControlDoorTest, DoesWhatItIsTold) {
-  EXPECT_EQ(answer_at_door(R"({"do":"status"})", orders()), "{\"state\":\"running\"}\n");
-  EXPECT_EQ(json::parse(answer_at_door(R"({"do":"pause"})", orders())), json({{"ok", true}}));
-  EXPECT_EQ(json::parse(answer_at_door(R"({"do":"checkpoint"})", orders())),
+TEST_F(ControlSocketTest, DoesWhatItIsTold) {
+  EXPECT_EQ(answer_command(R"({"do":"status"})", orders()), "{\"state\":\"running\"}\n");
+  EXPECT_EQ(json::parse(answer_command(R"({"do":"pause"})", orders())), json({{"ok", true}}));
+  EXPECT_EQ(json::parse(answer_command(R"({"do":"checkpoint"})", orders())),
             json({{"ok", true}, {"asked", 7}}));
   EXPECT_EQ(error_of(R"({"do":"drain","host":"box-2"})"), "none");
   EXPECT_EQ(done_, "pause drain box-2 ");
   EXPECT_EQ(error_of(R"({"do":"resume"})"), "the run is not paused");
 }
 
-TEST_F(ControlDoorTest, RefusesWhatIsNoOrderInWords) {
+TEST_F(ControlSocketTest, RefusesWhatIsNoOrderInWords) {
   for (const char* request : {"", "\n", "stop", "[]", "{}", R"({"do":7})", R"({"do":)", "\xff\xfe\n"})
     EXPECT_THAT(error_of(request), HasSubstr("no request")) << request;
   EXPECT_THAT(error_of(R"({"do":"sto"})"), HasSubstr("did you mean 'stop'"));
@@ -59,41 +59,41 @@ TEST_F(ControlDoorTest, RefusesWhatIsNoOrderInWords) {
   EXPECT_EQ(done_, "");
 }
 
-TEST(DoorSign, SaysInTheLockFileWhereTheDoorIs) {
+TEST(ControlAddress, IsWrittenToAndReadFromTheLockFile) {
   const test::ScratchFolder scratch;
-  EXPECT_FALSE(read_door_sign(scratch.string()));
+  EXPECT_FALSE(read_control_address(scratch.string()));
   const int lock = open((scratch / ".lock").c_str(), O_RDWR | O_CREAT, 0644);
   ASSERT_GE(lock, 0);
   ASSERT_EQ(write(lock, "123456789\n", 10), 10);  // as a run that is being set up has it
-  const auto early = read_door_sign(scratch.string());
+  const auto early = read_control_address(scratch.string());
   ASSERT_TRUE(early);
   EXPECT_EQ(early->pid, 123456789);
-  EXPECT_EQ(early->door, "");
-  const DoorSign sign = make_door_sign();
-  ASSERT_TRUE(write_door_sign(lock, sign));
-  const auto read = read_door_sign(scratch.string());
+  EXPECT_EQ(early->socket, "");
+  const ControlAddress address = make_control_address();
+  ASSERT_TRUE(write_control_address(lock, address));
+  const auto read = read_control_address(scratch.string());
   close(lock);
   ASSERT_TRUE(read);
   EXPECT_EQ(read->pid, getpid());
-  EXPECT_EQ(read->door, sign.door);
-  EXPECT_EQ(read->host, sign.host);
-  EXPECT_NE(make_door_sign().door, sign.door);
+  EXPECT_EQ(read->socket, address.socket);
+  EXPECT_EQ(read->host, address.host);
+  EXPECT_NE(make_control_address().socket, address.socket);
 }
 
-TEST(DoorSign, WhateverLiesThereIsNoHarm) {
+TEST(ControlAddress, WhateverLiesThereIsNoHarm) {
   const test::ScratchFolder scratch;
   std::ofstream(scratch / ".lock") << std::string(5000, 'x');
-  EXPECT_FALSE(read_door_sign(scratch.string()));
+  EXPECT_FALSE(read_control_address(scratch.string()));
   std::ofstream(scratch / ".lock") << "-\n\x01\n";
-  ASSERT_TRUE(read_door_sign(scratch.string()));
+  ASSERT_TRUE(read_control_address(scratch.string()));
 }
 
-TEST(ControlDoor, AnotherUserGetsNoAnswer) {
+TEST(ControlSocket, AnotherUserGetsNoAnswer) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can become another user";
-  const std::string name = make_door_sign().door;
+  const std::string name = make_control_address().socket;
   int stops = 0;
-  auto door = ControlDoor::open(name, {.stop = [&stops] { return ++stops, Status(); }});
-  ASSERT_TRUE(door) << door.error().message;
+  auto socket = ControlSocket::open(name, {.stop = [&stops] { return ++stops, Status(); }});
+  ASSERT_TRUE(socket) << socket.error().message;
   int told[2];
   ASSERT_EQ(pipe(told), 0);
   const pid_t stranger = fork();
@@ -108,7 +108,7 @@ TEST(ControlDoor, AnotherUserGetsNoAnswer) {
   }
   int status = 0;
   for (double now_s = 0; waitpid(stranger, &status, WNOHANG) == 0; now_s += 0.02) {
-    door->tick(now_s / 100);
+    socket->tick(now_s / 100);
     usleep(20'000);
   }
   ASSERT_TRUE(WIFEXITED(status)) << status;
@@ -120,5 +120,5 @@ TEST(ControlDoor, AnotherUserGetsNoAnswer) {
   close(told[0]), close(told[1]);
 }
 
-}  // namespace control_door_test
+}  // namespace control_socket_test
 }  // namespace comrad::deploy

@@ -1,4 +1,4 @@
-#include "deploy/launch/control_door.h"
+#include "deploy/launch/control_socket.h"
 
 #include <sys/random.h>
 #include <unistd.h>
@@ -34,41 +34,41 @@ std::string answer_of(const Status& status) {
 std::string refusal(int client) {
   const Peer peer = peer_of(client);
   if (peer.user == static_cast<int64_t>(geteuid()) || peer.user == 0) return "";
-  spdlog::info("user {} (pid {}) asked at the run's door and was refused", peer.user, peer.pid);
+  spdlog::info("user {} (pid {}) connected to the run's control socket and was refused", peer.user, peer.pid);
   return refused("the run belongs to user " + std::to_string(geteuid()) + ", you are user " +
                  std::to_string(peer.user));
 }
 
 }  // namespace
 
-DoorSign make_door_sign() {
+ControlAddress make_control_address() {
   uint64_t id = 0;
   (void)!getrandom(&id, sizeof id, 0);  // a name that is taken is refused when it is bound
   char name[40];
-  std::snprintf(name, sizeof name, "comrad-door-%016" PRIx64, id);
-  return {.pid = getpid(), .door = name, .host = host_name()};
+  std::snprintf(name, sizeof name, "comrad-control-%016" PRIx64, id);
+  return {.pid = getpid(), .socket = name, .host = host_name()};
 }
 
-Status write_door_sign(int lock, const DoorSign& sign) {
-  const std::string text = std::to_string(sign.pid) + "\n" + sign.door + "\n" + sign.host + "\n";
+Status write_control_address(int lock, const ControlAddress& address) {
+  const std::string text = std::to_string(address.pid) + "\n" + address.socket + "\n" + address.host + "\n";
   if (ftruncate(lock, 0) != 0 ||
       pwrite(lock, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size()))
     return system_error("the run's lock file");
   return {};
 }
 
-std::optional<DoorSign> read_door_sign(const std::string& run_dir) {
+std::optional<ControlAddress> read_control_address(const std::string& run_dir) {
   const Expected<std::string> text = read_short_file(run_dir + "/.lock", 512);
   if (!text) return std::nullopt;
   std::istringstream lines(*text);
   std::string pid;
-  DoorSign sign;
-  std::getline(lines, pid) && std::getline(lines, sign.door) && std::getline(lines, sign.host);
-  sign.pid = std::strtoll(pid.c_str(), nullptr, 10);
-  return sign;
+  ControlAddress address;
+  std::getline(lines, pid) && std::getline(lines, address.socket) && std::getline(lines, address.host);
+  address.pid = std::strtoll(pid.c_str(), nullptr, 10);
+  return address;
 }
 
-std::string answer_at_door(std::string_view request, const DoorOrders& orders) {
+std::string answer_command(std::string_view request, const ControlCommands& orders) {
   const ordered_json json = ordered_json::parse(request, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object() || !json.contains("do") || !json["do"].is_string())
     return refused("this is no request of comrad ctl");
@@ -92,13 +92,13 @@ std::string answer_at_door(std::string_view request, const DoorOrders& orders) {
                               {"status", "pause", "resume", "checkpoint", "stop", "drain"}));
 }
 
-Expected<ControlDoor> ControlDoor::open(const std::string& name, DoorOrders orders) {
+Expected<ControlSocket> ControlSocket::open(const std::string& name, ControlCommands orders) {
   COMRAD_TRY_ASSIGN(Descriptor listener, listen_on_name(name));
-  return ControlDoor(ReplyServer(
+  return ControlSocket(ReplyServer(
       std::move(listener),
       {.is_whole = [](std::string_view request) { return request.ends_with('\n'); },
        .answer =
-           [orders = std::move(orders)](std::string_view request) { return answer_at_door(request, orders); },
+           [orders = std::move(orders)](std::string_view request) { return answer_command(request, orders); },
        .refusal = refusal}));
 }
 
