@@ -119,7 +119,7 @@ if(EXISTS ${torch_dir}/lib/libtorch_cuda.so)
   math(EXPR cuda_major "${cudart_version} / 1000")
   math(EXPR cuda_minor "${cudart_version} % 1000 / 10")
   set(torch_kind "CUDA ${cuda_major}.${cuda_minor}")
-  # c10d's NCCL wants headers that PyTorch does not depend on either. Without them learners exchange by way of the host.
+  # c10d's NCCL requires headers that PyTorch does not depend on either. Without them learners exchange by way of the host.
   set(has_nccl NO)
   foreach(include IN LISTS cuda_includes)
     if(torch_defines MATCHES "[\";]USE_C10D_NCCL[\";\\]" AND EXISTS ${include}/nv/target)

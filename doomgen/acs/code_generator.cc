@@ -927,7 +927,7 @@ class Generator {
   }
   std::optional<int32_t> special_number(std::string_view name) const {
     if (const auto found = specials_.find(name); found != specials_.end()) return found->second->number;
-    // ACS_NamedExecute and its kin, which a line or thing may have as its special, are functions: a minus says so.
+    // ACS_NamedExecute and its kin, which a line or thing may have as its special, are functions: a minus marks that.
     if (name.starts_with("acs_named"))
       if (const std::optional<BuiltInFunction> function = find_function(name)) return -function->number;
     return wad::find_special(name);

@@ -25,7 +25,7 @@ struct SourceFile {
 };
 
 /// Finds the file that #include or #import names. `name` is as written; `from` is the path of the file that
-/// asks. Errors: whatever the reader says; the compiler puts file, line and column in front.
+/// includes it. Errors: those of the reader; the compiler puts file, line and column in front.
 using SourceReader = std::function<Expected<SourceFile>(const std::string& name, const std::string& from)>;
 
 struct CompileOptions {
@@ -49,7 +49,7 @@ struct CompiledScript {
 Expected<CompiledScript> compile(std::string_view source, const std::string& path,
                                  const CompileOptions& options = {});
 
-/// A reader for files on disk: beside the file that asks first, then in `folders` in order. Absolute names,
+/// A reader for files on disk: beside the including file first, then in `folders` in order. Absolute names,
 /// and names that lead out of all of these folders through `..` or links, are refused.
 ///
 ///   root   folder of the main source; files below it and below `folders` may be read, nothing else

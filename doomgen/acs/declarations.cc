@@ -786,7 +786,7 @@ constexpr Constant kConstants[] = {
     {"T_SPARK_DRIP", 108},
 };
 
-/// Functions with a p-code of their own; it says how many arguments there are at most and whether a value comes back.
+/// Functions with their own p-code; it contains the largest number of arguments and whether a value comes back.
 constexpr CodeFunction kCodeFunctions[] = {
     {"Delay", PCode::kDelay, PCode::kDelayDirect, 1, true},
     {"Random", PCode::kRandom, PCode::kRandomDirect, 2, false},

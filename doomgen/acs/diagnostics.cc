@@ -23,7 +23,7 @@ void Diagnostics::error(Place place, std::string_view found, std::string_view ex
   if (full()) return;
   std::string text = where(place) + ": " + std::string(found);
   if (!expected.empty()) text += "; expected " + std::string(expected);
-  // One cause reported twice helps nobody.
+  // Reports one cause once.
   if (std::none_of(errors_.begin(), errors_.end(), [&](const auto& other) { return other.second == text; }))
     errors_.emplace_back(place, std::move(text));
 }

@@ -27,7 +27,7 @@ class Diagnostics {
   }
   const std::string& path(uint32_t file) const { return paths_[file]; }
 
-  /// `found` says what is there, `expected` what was wanted instead; empty where found says it all.
+  /// `found` states what is there, `expected` what was wanted instead; empty where found suffices.
   void error(Place place, std::string_view found, std::string_view expected = {});
   void warn(Place place, std::string_view text);
 

@@ -179,7 +179,7 @@ class Lexer {
     return (whole << 16) + static_cast<uint32_t>((fraction << 16) / divisor);
   }
 
-  /// What follows a backslash; `out` takes it as the game wants to see it. A text ends at code 0, so `code_min` is 1 there.
+  /// What follows a backslash; `out` takes it as the game reads it. A text ends at code 0, so `code_min` is 1 there.
   void escape(std::string& out, int code_min) {
     const char c = peek();
     ++at_;

@@ -13,7 +13,7 @@ namespace comrad::acs_compiler {
 
 enum class TokenKind : uint8_t {
   kEnd,
-  kName,         ///< text: lower case, for the language knows no case; spelling: as written
+  kName,         ///< text: lower case, for the language ignores case; spelling: as written
   kNumber,       ///< value; also characters and fixed-point numbers
   kText,         ///< text: with its escapes replaced
   kSymbol,       ///< text: the operator or bracket
@@ -44,7 +44,7 @@ class TextPool {
   std::unordered_set<std::string> texts_;  // its nodes never move
 };
 
-/// All tokens of one file, without a kEnd. '#' comes as a symbol. Errors go to `diagnostics`; lexing goes on.
+/// All tokens of one file, without a kEnd. '#' comes as a symbol. Errors go to `diagnostics`; lexing continues.
 std::vector<Token> lex(std::string_view source, uint32_t file, TextPool& pool, Diagnostics& diagnostics);
 
 }  // namespace comrad::acs_compiler

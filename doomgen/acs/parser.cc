@@ -281,7 +281,7 @@ class Parser {
     return found != defines_.end() ? found->second.value : nullptr;
   }
 
-  /// #define name value; #libdefine reaches those who import the file.
+  /// #define name value; #libdefine applies to importing files too.
   void define() {
     const bool for_importers = current().text == "libdefine";
     advance();
@@ -1004,7 +1004,7 @@ class Parser {
     expect("]", "behind the colour");
   }
 
-  // ---- expressions; never null, panic_ tells what is of no use
+  // ---- expressions; never null, panic_ reports what is of no use
 
   Expression* expression() {
     const Nest nest(*this);

@@ -1,5 +1,5 @@
 // Tokens to syntax tree. Constants, #define'd and built in, are put in and folded on the way, because sizes
-// of arrays and numbers of scripts need them. After an error the parser goes on behind the statement, so that
+// of arrays and numbers of scripts need them. After an error the parser continues behind the statement, so that
 // one run shows several.
 #pragma once
 

@@ -16,7 +16,7 @@ namespace comrad::bytecode {
 ///   t  padding to a multiple of 4 from the start of the lump, a count, and that many pairs of words
 ///      (value, address)
 /// What depends on the call (Call, CallFunc, PushBytes, the ends of HudMessage) pops and pushes more than the
-/// table says; CaseGoto and CaseGotoSorted drop their value only when they jump.
+/// table states; CaseGoto and CaseGotoSorted drop their value only when they jump.
 // clang-format off
 #define COMRAD_PCODES(X) \
   X(Nop, "", 0, 0)                                            /*   0 */ \

@@ -1,4 +1,4 @@
-// What a program says, as the parser leaves it and the code generator takes it. All nodes live in the
+// A program's syntax tree, as the parser leaves it and the code generator takes it. All nodes live in the
 // Program's deques, so pointers stay good and deep trees are freed without recursion. Names are lower case.
 #pragma once
 

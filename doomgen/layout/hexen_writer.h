@@ -1,5 +1,5 @@
 // Prints a map in Hexen's binary format, for tools and engines that do not read UDMF. Line ids travel in
-// Line_SetIdentification, as the format asks.
+// Line_SetIdentification, as the format requires.
 #pragma once
 
 #include <string>

@@ -27,7 +27,7 @@ struct LineSpec {
   bool upper_unpegged = false, lower_unpegged = false;
   bool secret = false, block_sound = false, hidden = false, mapped = false;
   bool repeatable = false;  ///< the special may be set off again
-  /// Who sets the special off; nobody where all are false (scripts still may).
+  /// What activates the special; all false: only scripts do.
   bool player_use = false, player_cross = false, player_push = false, impact = false;
   ExtraFields extra = {};
 
@@ -57,7 +57,7 @@ struct SectorData {
   ExtraFields extra = {};
 };
 
-/// A thing the map wants; present on every skill and in every game mode unless it says otherwise.
+/// A thing the map requires; present on every skill and in every game mode unless its flags differ.
 struct ThingData {
   Point position = {};
   int32_t height = 0;  ///< above the floor

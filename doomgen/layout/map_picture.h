@@ -1,4 +1,4 @@
-// A map from above: sectors shaded by the height of their floors, lines, things. For people who look at what
+// A map from above: sectors shaded by the height of their floors, lines, things. To look at what
 // was drawn.
 #pragma once
 

@@ -530,7 +530,7 @@ void MapPlan::fail(std::string message) {
   if (mistake_.empty()) mistake_ = std::move(message);
 }
 
-/// Control areas stand in a row north of the map, one for each polyobject.
+/// Control areas lie in a row north of the map, one for each polyobject.
 void MapPlan::place_polyobjects(MapPlan& plan) const {
   std::vector<Point> corners;
   for (const Shape& shape : shapes_)

@@ -30,7 +30,7 @@ struct AreaSpec {
   std::string floor_texture = "FLOOR4_8", ceiling_texture = "CEIL3_5", wall_texture = "STARTAN3";
   std::string upper_texture = {}, lower_texture = {};  ///< of its steps; empty: the wall's
   int32_t light = 160, special = 0, tag = 0;
-  LineSpec lines = {};     ///< of every line of the area that has no special of its own
+  LineSpec lines = {};     ///< of every line of the area without a special
   bool in_pieces = false;  ///< it may consist of parts that do not touch
   ExtraFields extra = {};
 };
@@ -107,7 +107,7 @@ class MapPlan {
   void add_pillar(const Box& box, std::string wall_texture = {});
 
   // --- ways ---
-  /// The shortest way through rock from `from` to `to`, as wide as asked for: found on a grid (A*), made of
+  /// The shortest way through rock from `from` to `to`, as wide as requested: found on a grid (A*), made of
   /// rectangles. The way begins and ends at the areas' edges. Noted as a mistake where there is none.
   AreaId add_corridor(AreaSpec spec, AreaId from, AreaId to, const CorridorOptions& options = {});
   /// The same way cut into `count` steps whose floors go evenly from the one area's to the other's (rounded
@@ -161,7 +161,7 @@ class MapPlan {
   void use_organic_outlines(const Box& bounds, int cell_count, RngKey key);
   /// Notes a mistake of the recipe's own; build() reports the first one.
   void fail(std::string message);
-  /// Sectors, lines, things, checked by validate_map(); every area must have a place and, unless it says
+  /// Sectors, lines, things, checked by validate_map(); every area must have a place and, unless it sets
   /// otherwise, be in one piece. Errors: kBadInput naming the area, line or place.
   Expected<MapData> build() const;
 

@@ -1,4 +1,4 @@
-// The last look at a map before anyone sees it.
+// The last check of a map before it is used.
 #pragma once
 
 #include "doomgen/layout/map_data.h"

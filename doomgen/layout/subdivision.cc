@@ -64,7 +64,7 @@ Cuts find_cuts(const std::vector<Segment>& segments) {
     const auto [first_low, first_high] = std::minmax(first.low.y, first.high.y);
     for (std::size_t j = i + 1; j < segments.size(); ++j) {
       const Segment& second = segments[j];
-      if (second.low.x > first.high.x + 1) break;  // sorted by x: nobody further on touches
+      if (second.low.x > first.high.x + 1) break;  // sorted by x: no later one touches
       const auto [second_low, second_high] = std::minmax(second.low.y, second.high.y);
       if (second_low > first_high + 1 || second_high < first_low - 1) continue;
       bool met = false;

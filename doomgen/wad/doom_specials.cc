@@ -10,7 +10,7 @@ namespace {
 
 /// How a line type is touched; once, or repeatedly.
 enum Trigger : uint8_t {
-  kStatic,  // by nobody: it is so from the start
+  kStatic,  // not set by any special; constant from the start
   kW1,      // walked over
   kWR,
   kS1,  // switch
@@ -21,7 +21,7 @@ enum Trigger : uint8_t {
   kGR,
 };
 
-/// Who besides players.
+/// Activators besides players.
 enum Who : uint8_t { kPlayers, kMonstersToo, kMonstersOnly };
 
 // Speeds are in eighths of a unit per tic, waits in tics unless said otherwise.
@@ -32,7 +32,7 @@ constexpr int16_t kChangeSpeed = 4, kBuild = 2, kTurboStairs = 32;  // floors th
 constexpr int16_t kCrush = 10;                                      // damage
 constexpr int16_t kCloseWait = 240;                                 // 30 s in eighths of a second
 constexpr int16_t kRed = 129, kBlue = 130, kYellow = 131;           // card or skull
-// Stands in the arguments for the line's tag.
+// Is in the arguments for the line's tag.
 constexpr int16_t kTag = INT16_MIN;
 
 struct Row {

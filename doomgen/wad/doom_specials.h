@@ -1,5 +1,5 @@
 // Doom's own numbers of line and sector types, Boom's additions included, in terms of ZDoom's (Hexen's)
-// specials: which special with which arguments, and how the line wants to be touched.
+// specials: which special with which arguments, and how the line is activated.
 #pragma once
 
 #include <array>

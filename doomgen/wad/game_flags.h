@@ -1,5 +1,5 @@
 // ZDoom's flags of a game: the bits of its console variables dmflags (the low half here) and dmflags2 (the high half), each of
-// which has a name of its own, too. The values are what ZDoom's scripts read of both (GetCVar). Stage: loading.
+// which has its own name, too. The values are what ZDoom's scripts read of both (GetCVar). Stage: loading.
 #pragma once
 
 #include <cstdint>

@@ -14,7 +14,7 @@ namespace comrad::wad {
 enum class SpecialSupport : uint8_t {
   kSupported,        ///< does what it does in ZDoom, or has nothing to do here (sounds, quakes)
   kUnsupported,      ///< a call does nothing; one warning per level
-  kUnsupportedShape  ///< the same; a map with such a line is told when it is loaded
+  kUnsupportedShape  ///< the same; loading a map with such a line logs a warning
 };
 
 // X(number, name, support) by rising number; not every number has a special. Taken by the enum below and by the

@@ -62,7 +62,7 @@ class Parser {
       if (sign.is_sign('=')) {
         COMRAD_TRY_ASSIGN(Token value, value_and_semicolon(name.text));
         if (name.text == "namespace") {
-          if (value.kind != Token::Kind::kText) return wrong(value, "namespace wants a string");
+          if (value.kind != Token::Kind::kText) return wrong(value, "namespace requires a string");
           map.name_space = value.text;
         }
       } else if (sign.is_sign('{')) {
@@ -210,25 +210,25 @@ class Parser {
     if (value.kind != Token::Kind::kNumber || value.number != std::floor(value.number) ||
         value.number < std::numeric_limits<int32_t>::min() ||
         value.number > std::numeric_limits<int32_t>::max())
-      return wrong(value, "'" + from.key + "' wants a whole number of 32 bits, found " + value.shown());
+      return wrong(value, "'" + from.key + "' requires a whole number of 32 bits, found " + value.shown());
     to = static_cast<int32_t>(value.number);
     return {};
   }
   Status read(const Assignment& from, double& to) const {
     if (from.value.kind != Token::Kind::kNumber)
-      return wrong(from.value, "'" + from.key + "' wants a number, found " + from.value.shown());
+      return wrong(from.value, "'" + from.key + "' requires a number, found " + from.value.shown());
     to = from.value.number;
     return {};
   }
   Status read(const Assignment& from, bool& to) const {
     if (from.value.kind != Token::Kind::kWord || (from.value.text != "true" && from.value.text != "false"))
-      return wrong(from.value, "'" + from.key + "' wants true or false, found " + from.value.shown());
+      return wrong(from.value, "'" + from.key + "' requires true or false, found " + from.value.shown());
     to = from.value.text == "true";
     return {};
   }
   Status read(const Assignment& from, std::string& to) const {
     if (from.value.kind != Token::Kind::kText)
-      return wrong(from.value, "'" + from.key + "' wants a string, found " + from.value.shown());
+      return wrong(from.value, "'" + from.key + "' requires a string, found " + from.value.shown());
     to = upper_case(from.value.text);
     return {};
   }

@@ -1,4 +1,4 @@
-// Reads a TEXTMAP lump, the Universal Doom Map Format, into plain records: what the text says, unchecked
+// Reads a TEXTMAP lump, the Universal Doom Map Format, into plain records: what the text contains, unchecked
 // against itself. The engine's loader (engine/map/level_loader.h) checks indices and makes a Level.
 #pragma once
 
@@ -28,7 +28,7 @@ struct UdmfLinedef {
        block_hitscan = false, block_use = false, block_sight = false, block_sound = false, jump_over = false;
   bool secret = false, repeat_special = false, first_side_only = false, pass_use = false,
        check_switch_range = false;
-  // Who activates its special.
+  // What activates its special.
   bool player_cross = false, player_use = false, player_push = false, player_use_back = false,
        monster_cross = false, monster_use = false, monster_push = false, monster_activate = false,
        impact = false, missile_cross = false, any_cross = false;
@@ -102,7 +102,7 @@ struct UdmfMap {
 };
 
 /// Parses `text`. `label` names the lump in messages ("arena.wad: TEXTMAP of MAP01"). Unknown keys and blocks
-/// are skipped, as the format asks; keys are read in any case; texture names come out in upper case. Errors:
+/// are skipped, as the format requires; keys are read in any case; texture names come out in upper case. Errors:
 /// kBadFormat as "label:line:column: what".
 Expected<UdmfMap> parse_udmf(std::string_view text, const std::string& label);
 

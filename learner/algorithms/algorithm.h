@@ -1,4 +1,4 @@
-// What the learner knows of a learning algorithm: it turns minibatches into new weights, and its state into a
+// The learner's interface to a learning algorithm: it turns minibatches into new weights, and its state into a
 // checkpoint and back. Stage: update > publish.
 #pragma once
 

@@ -132,7 +132,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
     grad_norm += last_grad_norm_ / static_cast<double>(agents);
     put(prefix + "_policy_loss", terms["policy_loss"]);
     put(prefix + "_grad_norm", last_grad_norm_);
-    if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
+    if (agent == order.back() || !has_samples) continue;  // no agent is left that needs the factor
     const Tensor new_log_prob = evaluate(of_agent, phase_of(agent)).log_prob;
     const Tensor ratio =
         happo_ratio(new_log_prob, old_log_prob, of_agent.acting(), config_.on_policy.happo_factor_clamp);

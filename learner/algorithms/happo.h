@@ -8,14 +8,14 @@
 //     M <- M pi_i^new(a_i) / pi_i^old(a_i)                            for all agents of the transition
 //   train the critic                   on whole transitions, PPO's clipped value loss
 //
-// Each training is num_epochs x num_batches_per_epoch steps of an Adam of its own.
+// Each training is num_epochs x num_batches_per_epoch steps of an Adam instance.
 //
 // ratio_i is relative to the behaviour policy as in IPPO, so data of a lagging worker is corrected; the
 // factor is relative to the agent's policy before its sub-update. It is 1 where the sample is invalid or the
 // agent dead, and clamped to [1/c, c] per agent where happo_factor_clamp = c > 1. A factor outside the min, as
 // in the authors' code, gives the same gradient, since it is positive. Every optimizer step is a version of
-// its own, so a batch makes num_epochs x num_batches_per_epoch x (N + 1) of them; all networks travel together
-// under one checksum, so nobody acts with half of an update.
+// one, so a batch makes num_epochs x num_batches_per_epoch x (N + 1) of them; all networks travel together
+// under one checksum, so no policy worker acts with half of an update.
 //
 // One value for all agents presumes a team reward. Where agents of a transition are paid differently the
 // critic learns the mean of their returns, and the first such batch is logged; shared_reward_alpha 1 makes

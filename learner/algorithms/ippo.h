@@ -19,7 +19,7 @@ class Ippo : public OnPolicy {
   Expected<UpdateStats> update(RolloutBatch& batch, const UpdateContext& context) override;
 
   /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad. Makes
-  /// `minibatch.advantage` (and under V-trace `target`) what the loss reads. False when keep_going() said no.
+  /// `minibatch.advantage` (and under V-trace `target`) what the loss reads. False once keep_going() returned false.
   bool accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, TermValues& terms);
 
   /// Advantages and targets by V-trace with the network as it is now.

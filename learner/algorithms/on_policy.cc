@@ -34,7 +34,7 @@ double explained_variance(const Tensor& target, const Tensor& value, const Tenso
   return 1 - of_error.variance(/*unbiased=*/false) / spread_of(target, valid).variance(/*unbiased=*/false);
 }
 
-/// What the device is asked for in one go, on the host.
+/// What one launch sends to the device, on the host.
 std::vector<double> read_together(const std::vector<Tensor>& numbers) {
   if (numbers.empty()) return {};
   std::vector<Tensor> of_one_type;
@@ -398,7 +398,7 @@ void OnPolicy::report(const RolloutBatch& batch, const TermValues& terms, Update
   }
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/same_policy_fraction",
-      1);  // a run trains one policy; dashboards of Sample Factory's runs ask for it
+      1);  // a run trains one policy; dashboards of Sample Factory's runs read it
   put("train/num_sgd_steps", static_cast<double>(version()));
   put("train/version_diff_avg", stats.lag.mean);
   put("train/version_diff_min", static_cast<double>(stats.lag.min));

@@ -54,7 +54,7 @@ class OnPolicy : public OnPolicyAlgorithm {
     Forward forward;
     bool trains_policy = true;  ///< KL and actor loss say when to stop
     bool trains_value = true;   ///< a minibatch without an acting sample is trained on, too
-    uint64_t shuffle_key = 0;   ///< tells the phases of one update apart
+    uint64_t shuffle_key = 0;   ///< differs between the phases of one update
     /// Called with every minibatch before its gradient; may be empty.
     std::function<void(RolloutBatch&)> prepare = {};
     /// Set to log pi(a|o) [T, rows] of the first minibatch before the first step.
@@ -70,14 +70,14 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// kBadInput where that was so in too many batches in a row.
   Expected<bool> begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats);
   /// num_epochs x num_batches_per_epoch optimizer steps on a batch, moved to the device where to_device() did not; `terms` are those
-  /// of the last one taken. What a step says of itself is read once, when the phase is over, unless settings ask for it earlier: a rate or
+  /// of the last one taken. A step's loss terms are read once, when the phase is over, unless settings need them earlier: a rate or
   /// an early stop that follows the KL needs it after every step, epochs need the loss of the one before. kStopped
-  /// when begin_step, kAbandoned when keep_going said no. Errors: kBadInput after too many steps in a row
+  /// when begin_step, kAbandoned when keep_going returned false. Errors: kBadInput after too many steps in a row
   /// that were not finite.
   Expected<PhaseEnd> train_phase(const RolloutBatch& batch, const Phase& phase, const UpdateContext& context,
                                  UpdateStats& stats, TermValues& terms);
   /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad, with
-  /// `minibatch.advantage` as it is. False when keep_going() said no.
+  /// `minibatch.advantage` as it is. False once keep_going() returned false.
   bool accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                   TermValues& terms);
 

@@ -307,7 +307,7 @@ Status QLearning::load(const StateDict& state) {
   scale_ = QScale();
   if (QScale::is_in(state)) {
     COMRAD_TRY_ASSIGN(scale_, QScale::load(state));
-    if (!config_.q_learning.normalize_q_values) {  // these networks go on in natural units
+    if (!config_.q_learning.normalize_q_values) {  // these networks continue in natural units
       rescale_outputs(scale_.sigma(), 1);
       scale_ = QScale();
     }

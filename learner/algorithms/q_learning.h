@@ -11,7 +11,7 @@
 // With normalize_q_values a network's Q is in units of sigma (q_scale.h); y, the clamp and all reports are in
 // natural units, the loss compares Q and y / sigma. Stage: update.
 //
-// Several ranks take one step on B samples, of which each of the N draws B / N from a replay of its own. Gradients, counts
+// Several ranks take one step on B samples, of which each of the N draws B / N from its own replay. Gradients, counts
 // and reports are over all of them. A unit i of rank k, whose M_k units have the priorities p with the sum S_k, is drawn
 // with the probability q_i = p_i / (N S_k); that is the p_i / S of one replay where the S_k are equal. As there
 // (prioritized_sampler.h) its weight takes the bias out again, relative to the largest weight of all ranks:
@@ -59,7 +59,7 @@ class QLearning : public OffPolicyAlgorithm {
   Expected<UpdateStats> update(ReplayBatch& batch, const UpdateContext& context) override;
 
   /// Adds the gradient of the loss over a whole batch to the parameters' .grad and writes batch.abs_td (td_loss.h). False when
-  /// keep_going() said no.
+  /// keep_going() returned false.
   bool accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, TermValues& terms);
 
   /// What the networks' Q-values are multiplied by to be in natural units; 1 without normalize_q_values.
@@ -110,7 +110,7 @@ class QLearning : public OffPolicyAlgorithm {
   /// The micro-batches of a batch, all on the device before the step begins.
   std::vector<ReplayPart> parts_of(const ReplayBatch& batch) const;
   LossTerms loss_of_part(const ReplayPart& part, std::span<const Tensor> scalars) const;
-  /// Whether QMIX's mixer gives utilities their unit: then they have none of their own.
+  /// Whether QMIX's mixer gives utilities their unit: then they have none themselves.
   bool utilities_have_a_unit() const { return !mixer_ || mixer_->scales_with_utilities(); }
   void report(const StepOutcome& outcome, UpdateStats& stats) const;
   int64_t micro_worlds(const ReplayBatch& batch) const;

@@ -1,4 +1,4 @@
-// The learning algorithms, one line each; what the rest of the system asks of them stands
+// The learning algorithms, one line each; what the rest of the system reads of them is
 // in rollout_buffer/settings/algorithms.cc.
 #include <string>
 #include <utility>

@@ -29,7 +29,7 @@ SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
     return MixerInput{
         .chosen = of_worlds(policy::chosen_utility(q, action, env_) * is_active),
         .greedy = of_worlds(policy::greedy_utility(q.detach(), mask, env_) * is_active),
-        // What an agent that is out of the game was asked to do says nothing of the team's value.
+        // What an agent that is out of the game was asked to do carries no information about the team's value.
         .action = of_worlds(policy::multi_hot(action, env_) * is_active.unsqueeze(-1)),
         .state = truth.defined() ? at::cat({features, of_worlds(truth)}, 1) : features};
   };

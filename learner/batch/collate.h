@@ -68,7 +68,7 @@ struct RolloutBatch {
 };
 
 /// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB. Its frames lie where `device` can
-/// copy them while the host goes on.
+/// copy them while the host continues.
 RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count,
                                 torch::Device device = torch::kCPU);
 

@@ -14,7 +14,7 @@ namespace comrad::learn {
 /// formula (Chan, Golub, LeVeque 1979); normalize() is clamp((x - mean) / sigma, +-clip), denormalize() is
 /// clamp(x, +-clip) * sigma + mean, with sigma = sqrt(variance + 1e-5). With a half life the count that came before weighs
 /// 2^(-samples / half life) as much at every merge, so that the pair follows returns that grow. A return outside of the clip (a rare
-/// jackpot among zeros) can't be told from one at it, so clipped_fraction() says how many there are.
+/// jackpot among zeros) looks like one at it, so clipped_fraction() states how many there are.
 class ReturnNormalizer {
  public:
   struct Statistics {

@@ -68,10 +68,10 @@ struct ReplayBatchOptions {
   int64_t n_step = 1;  ///< single decisions
   replay::PostDeathReward pay =
       {};  ///< discount inside the rewards of single decisions, and the clip of each payment
-  /// Agents learn each on its own: where one leaves the game while the world goes on, its last decision is
-  /// terminated and paid what follows (see post_death_reward.h). Off: a team is paid, and goes on without it.
+  /// Agents learn each on its own: where one leaves the game while the world continues, its last decision is
+  /// terminated and paid what follows (see post_death_reward.h). Off: a team is paid, and continues without it.
   bool agents_end = false;
-  torch::Device device = torch::kCPU;  ///< that copies the frames while the host goes on
+  torch::Device device = torch::kCPU;  ///< that copies the frames while the host continues
 };
 
 /// Allocates; reuse it.

@@ -1,4 +1,4 @@
-// Everything a run needs to go on, as one file that Python's torch.load(path, weights_only=True) reads (PyTorch 2.0 or
+// Everything a run needs to continue, as one file that Python's torch.load(path, weights_only=True) reads (PyTorch 2.0 or
 // newer): a dict of sections ("network", "optimizer", "counters", ...), each a dict of tensors, integers, floats and
 // texts. Files are written beside their place, fsynced and renamed, so that a crash never leaves half a
 // checkpoint under its name.

@@ -28,7 +28,7 @@ Expected<Progress> Progress::load(const StateDict& state, const std::string& alg
   if (maker != algorithm)
     return Error{ErrorCode::kBadFormat,
                  "checkpoint was made by \"" + maker + "\", this run trains " + algorithm};
-  int64_t seen = 0;  // a checkpoint that says nothing is of the time when features were all that critics saw
+  int64_t seen = 0;  // a checkpoint without it is of the time when features were all that critics saw
   if (state.has(kStateKey)) {
     COMRAD_TRY_ASSIGN(seen, state.integer(kStateKey));
   }

@@ -74,7 +74,7 @@ QValues q_values(const policy::ActorCritic& net, const ReplayPart& part, const T
   const int64_t final_count = static_cast<int64_t>(batch.final_row.size());
   if (final_count == 0) return values;
 
-  // The cut episodes once more, each as a column of its own that goes on to its true last observation.
+  // The cut episodes once more, each as its own column that continues to its true last observation.
   const Tensor &row = part.final_row, &step = part.final_step;
   const Tensor column = torch::arange(final_count, row.options());
   const Tensor final_encoded = net.encode(batch.final_frame, batch.final_measurement);
@@ -149,7 +149,7 @@ TdScene td_scene(const policy::ActorCritic& online, const policy::ActorCritic& t
   TdScene scene;
   scene.batch = part.batch;
   const ReplayBatch& batch = scene.batch;
-  // With a burn-in each network warms up a state of its own.
+  // With a burn-in each network warms up its own state.
   const auto state_of = [&](const policy::ActorCritic& net) {
     if (!part.before.frame.defined()) return batch.recurrent_state;
     torch::NoGradGuard no_grad;

@@ -149,7 +149,7 @@ class LearningProgress final : public Curriculum {
     for (const std::size_t k : order) {
       if (sort[k] != kOpen) continue;
       sort[k] = kInteresting;
-      if (raw_[k] < options_.omni_mastery * maximum(k)) continue;  // not mastered: it says nothing yet
+      if (raw_[k] < options_.omni_mastery * maximum(k)) continue;  // not mastered: not informative yet
       const auto row = options_.uninteresting.find(task_names_[k]);
       if (row == options_.uninteresting.end()) continue;
       for (std::size_t other = 0; other < n; ++other)
@@ -405,7 +405,7 @@ std::vector<std::pair<std::string, double>> Curriculum::metrics() {
 
 std::string Curriculum::state() const {
   auto& self = const_cast<Curriculum&>(*this);
-  self.refresh();  // whoever looked at the weights last must not show in the state
+  self.refresh();  // earlier reads of the weights must not show in the state
   Json json{{"format", kFormat},    {"kind", word_of(options_.kind)},
             {"tasks", task_names_}, {"seed", options_.seed},
             {"counter", counter_},  {"weights", weights_},

@@ -29,7 +29,7 @@ StepRows<T> step_rows(const Tensor& tensor, int64_t steps, int64_t columns) {
   return {tensor.data_ptr<T>(), steps, columns};
 }
 
-/// Which trajectories' episodes end in a step, and which of them go on from the value of their last
+/// Which trajectories' episodes end in a step, and which of them continue from the value of their last
 /// observation: a time-out is no end of the world, unless `legacy_timeouts` takes it for one.
 struct StepEnds {
   StepMask done, bootstraps;

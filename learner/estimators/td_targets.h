@@ -18,7 +18,7 @@ struct TdInput {
   Tensor terminated;  ///< u8  [T, B]  the episode ended in a state without future
   Tensor truncated;   ///< u8  [T, B]  the episode was cut by a time limit
   Tensor next_value;  ///< f32 [T, B]  V_t: value of the true observation after step t; where time cut the
-                      ///<             episode, that of its own last observation
+                      ///<             episode, that of its last observation
   Tensor valid;       ///< u8  [T, B]  0: padding or a broken step; no return runs across it
 };
 
@@ -34,7 +34,7 @@ struct TdOptions {
 ///   end_t  = r_t + gamma V_t, without V_t where the episode terminated
 ///   G_t    = sum_{k<m} gamma^k r_{t+k} + gamma^m V_{t+m-1}, the last term as above               (n-step)
 ///            m = steps until n, the end of the episode, an invalid step or the end of the data
-///   G_t    = r_t + gamma ((1 - lambda) V_t + lambda G_{t+1}) where step t+1 goes on, else end_t (TD(lambda))
+///   G_t    = r_t + gamma ((1 - lambda) V_t + lambda G_{t+1}) where step t+1 continues, else end_t (TD(lambda))
 ///
 /// Errors: none at run time; shapes are checked.  Threads: pure function.
 /// Source: Sutton and Barto 2018, eqs. 7.1 and 12.2 in the recursive form; time limits: Pardo et al. 2018,

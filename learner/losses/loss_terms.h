@@ -1,5 +1,5 @@
-// What a loss says of itself, by name: the shares that are added to it, and means, sums and extremes that a report shows. A minibatch
-// is cut into micro-batches; each says its part of every number on the device, and the parts come together on the host:
+// A loss's terms, by name: the shares that are added to it, and means, sums and extremes that a report shows. A minibatch
+// is cut into micro-batches; each computes its part of every number on the device, and the parts come together on the host:
 //
 //   LossTerms terms;                                   // of one micro-batch
 //   terms.add("policy_loss", -(objective * weight).sum());
@@ -44,7 +44,7 @@ class LossTerms {
   const std::vector<TermName>& names() const { return names_; }
   Tensor numbers() const;  ///< f32 [K], in the order of names()
 
-  /// A number of each sample that an algorithm asks for besides: log pi(a|o), |TD error|. Without gradient; may be undefined.
+  /// A number of each sample that an algorithm requests besides: log pi(a|o), |TD error|. Without gradient; may be undefined.
   Tensor kept;
 
  private:

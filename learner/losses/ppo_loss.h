@@ -8,7 +8,7 @@
 //
 // exploration being the symmetric KL to the uniform distribution or the negative entropy; V and R in normalised units. The value's
 // mean runs over valid samples, the others over those of them in which the agent was alive (RolloutBatch::acting): a dead agent's
-// actions teach nothing, but its values go on being trained, because GAE carries what is paid after a death through them to the
+// actions teach nothing, but its values continue being trained, because GAE carries what is paid after a death through them to the
 // last living decision. Source: Schulman et al. 2017, arXiv:1707.06347, eqs. 7 and 9. Stage: update.
 #pragma once
 

@@ -23,7 +23,7 @@ class QScale {
 
   /// The first size, of rewards; nothing that was predicted before is kept. Nothing happens at 0.
   void begin(double reward_rms);
-  /// Goes on from networks that were trained in natural units: sigma is 1 until the next observe().
+  /// Continues from networks that were trained in natural units: sigma is 1 until the next observe().
   void begin_natural();
   /// After an update whose targets had this mean square. Returns the new sigma.
   double observe(double target_mean_square);

@@ -16,7 +16,7 @@
 
 namespace comrad::learn {
 
-/// What an algorithm says of every sample; S = R (each agent's decision) or W (each world's).
+/// An algorithm's values of every sample; S = R (each agent's decision) or W (each world's).
 struct SampleLoss {
   Tensor loss;               ///< f32 [T, S]  with gradient
   Tensor regularizer;        ///< f32 [T, S]  with gradient; may be undefined

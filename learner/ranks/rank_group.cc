@@ -42,7 +42,7 @@ Tensor sum_of(const std::vector<Tensor>& parts) {
 
 std::string joined_key(int rank) { return "joined/" + std::to_string(rank); }
 
-/// Sleeps a little longer each time, and asks `watch` now and then.
+/// Sleeps a little longer each time, and calls `watch` now and then.
 class Waiting {
  public:
   explicit Waiting(const RankGroup::Watch& watch) : watch_(watch) {}
@@ -104,7 +104,7 @@ Status RankGroup::meet() {
   engines_ = std::make_unique<Engines>();
   const double began_s = monotonic_s(), limit_s = options_.join_timeout_s * patience();
   try {
-    // Nobody removes it: it has no name.
+    // It needs no removal: it has no name.
     engines_->store = c10::make_intrusive<c10d::FileStore>(
         "/proc/self/fd/" + std::to_string(options_.rendezvous), /*numWorkers=*/-1);
     engines_->store->set(joined_key(options_.rank), std::vector<uint8_t>{1});
@@ -134,7 +134,7 @@ Status RankGroup::meet() {
   } catch (const std::exception& failure) {
     return Error{ErrorCode::kSystem, std::string("learners cannot meet: ") + failure.what()};
   }
-  // Connections are made pair by pair: a rank that has all of its own may leave again only when the others have theirs.
+  // Connections are made pair by pair: a rank that has all its connections may leave again only when the others have theirs.
   all(true);
   return status();
 }
@@ -151,7 +151,7 @@ std::vector<Tensor> RankGroup::parts_of_all(const Tensor& part) {
   return {};
 }
 
-/// Each rank adds up its piece of all ranks' numbers, then everyone gets all pieces.
+/// Each rank adds up its piece of all ranks' numbers, then all ranks get all pieces.
 bool RankGroup::add_up_flat(Tensor& flat) {
 #ifdef COMRAD_HAS_NCCL
   if (flat.is_cuda() && engines_->device) {

@@ -1,6 +1,6 @@
 // The learners of one run as one: what several processes say about their shares of a batch, put together by c10d (Gloo
 // between hosts' memories, NCCL between GPUs that a rank has alone). Everything is put together in the order of the
-// ranks, so the result does not depend on who was first, and all ranks hold the same numbers behind every call. Stage:
+// ranks, so the result does not depend on which rank was first, and all ranks hold the same numbers behind every call. Stage:
 // update.
 //
 //   rank 0  share of the slabs -> gradient ─┐                       ┌─ optimizer step -> publish, save
@@ -21,8 +21,8 @@ namespace comrad::learn {
 
 /// Threads: one, the training thread. All ranks make the same calls in the same order.
 ///
-/// A call that fails (a rank has left, or watch() said no) takes this rank's part for that of all others, so that shapes
-/// are what they would have been, and failure() says why from then on; so do all calls after it. Who trains looks at
+/// A call that fails (a rank has left, or watch() returned false) takes this rank's part for that of all others, so that shapes
+/// are what they would have been, and failure() states why from then on; so do all calls after it. The training loop reads
 /// failure() before an optimizer steps.
 class RankGroup {
  public:

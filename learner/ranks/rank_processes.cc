@@ -40,7 +40,7 @@ Expected<RankProcesses> RankProcesses::fork(int count) {
     const pid_t pid = ::fork();
     if (pid < 0) return system_error("starting learner " + std::to_string(rank));
     if (pid == 0) {
-      // Not told to stop but killed: a successor of the first begins at once, and must find no one at work.
+      // Killed, not stopped: the first rank's successor begins at once, and no old rank may be running.
       prctl(PR_SET_PDEATHSIG, SIGKILL);
       if (getppid() != parent) _exit(kExitFailed);  // it died before the line above
       processes.rank_ = rank;

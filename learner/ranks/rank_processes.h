@@ -19,7 +19,7 @@ class RankProcesses {
 
   RankProcesses(RankProcesses&& other) noexcept;
   RankProcesses& operator=(RankProcesses&&) = delete;
-  /// In the first: the others are told to stop, and killed where they do not.
+  /// In the first: requests the others to stop, and kills those that do not.
   ~RankProcesses();
 
   int rank() const { return rank_; }
@@ -28,7 +28,7 @@ class RankProcesses {
   int rendezvous() const { return rendezvous_; }
   /// In the first: whether the others live. Errors: kPeerLost, naming the one that ended and how.
   Status check();
-  /// Tells the others to stop.
+  /// Requests the others to stop.
   void stop();
 
  private:

@@ -159,7 +159,7 @@ void LearningCheck::judge_targets(const MetricValues& values, std::vector<std::s
     const bool is_q = config_.run.algo->learns_q_values();
     told.push_back(
         format("%.0f%% of the value targets are cut off at the limit %s (%g), so values above it cannot "
-               "be told apart; raise it or lower reward_scale (%g)",
+               "be distinguished; raise it or lower reward_scale (%g)",
                per_cent(*clipped), is_q ? "q_value_clamp" : "returns_clip",
                is_q ? config_.q_learning.q_value_clamp : config_.optimisation.returns_clip,
                config_.environment.reward_scale));

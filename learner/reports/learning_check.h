@@ -1,5 +1,5 @@
-// Looks at the numbers of a report and says in words, once each, when one of them shows that learning cannot
-// work: what it means and which setting to change. Stage: beside update, for the eyes of the person who trains.
+// Checks the numbers of a report and warns, once each, when one of them shows that learning cannot
+// work: what it means and which setting to change. Stage: beside update, for the user.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ namespace comrad::learn {
 
 /// Judges reports in the order in which they are written. A number that a report does not have, or that is not
 /// finite, is not judged; one that is bad must be so in several reports in a row, because most numbers are those
-/// of one minibatch. Every finding is told once in the life of the object. Threads: one.
+/// of one minibatch. Every finding is reported once in the life of the object. Threads: one.
 class LearningCheck {
  public:
   explicit LearningCheck(const RunConfig& config) : config_(config) {}
@@ -29,7 +29,7 @@ class LearningCheck {
     int bad_in_a_row = 0;
     bool told = false;
   };
-  /// Counts one look at finding `name`; true when it is to be told now: it was `bad` in `reports` looks in a row.
+  /// Counts one look at finding `name`; true when it is to be reported now: it was `bad` in `reports` looks in a row.
   bool shows(const std::string& name, bool bad, int reports);
 
   void judge_batches(const MetricValues& values, std::vector<std::string>& told);

@@ -68,7 +68,7 @@ class EpisodeWindow {
     double return_min;
     double return_max;
     double length_tics;
-    double score_share;  ///< score / ceiling; NaN where the map says none
+    double score_share;  ///< score / ceiling; NaN where the map has none
   };
   void push(const Episode& episode);
 

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kStatsIntervalS = 1.0;
 
-/// Resident memory of this process, 10^6 bytes; 0 where the kernel does not say.
+/// Resident memory of this process, 10^6 bytes; 0 where the kernel does not report it.
 double resident_megabytes() {
   std::ifstream file("/proc/self/statm");
   double pages = 0, resident_pages = 0;

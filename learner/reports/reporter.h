@@ -1,4 +1,4 @@
-// What the learner tells the world: its state and warnings on the bus, its report in the arena once a second, and
+// What the learner publishes: its state and warnings on the bus, its report in the arena once a second, and
 // metrics.jsonl with TensorBoard scalars. Stage: beside update.
 #pragma once
 
@@ -33,7 +33,7 @@ class Reporter {
         check_(config) {}
 
   /// What reports are about, once it is there: the algorithm, its batches, its layouts (null: one map). Opens the
-  /// files of `run_dir`. Without this, as for a learner that only serves, nothing but the state is told.
+  /// files of `run_dir`. Without this, as for a learner that only serves, only the state is published.
   /// Errors: those of MetricsWriter::open.
   Status open(const std::string& run_dir, const Algorithm& algorithm, const BatchSource& source,
               LayoutService* layouts);

@@ -1,6 +1,6 @@
 // A setting that moves in a line over the run's env frames (the importance weights' exponent, the learning
 // rate). The end of that line is the end of the run, and a run may be given a later end when it is resumed: then
-// the line goes on from where it stood, instead of jumping to where it would stand on a line of another length.
+// the line continues from where it stood, instead of jumping to where it would stand on a line of another length.
 // Stage: update, checkpoint.
 #pragma once
 
@@ -24,9 +24,9 @@ class LinearSchedule {
 
   /// Puts the line under `prefix` ("replay/beta").
   void save(StateDict& state, const std::string& prefix) const;
-  /// Goes on from a checkpoint made at `env_frames`. A line with the same start, end and horizon is taken over
+  /// Continues from a checkpoint made at `env_frames`. A line with the same start, end and horizon is taken over
   /// as it was, to the last bit. Where only the horizon is another, the line is anchored here: it stands at the
-  /// saved line's value now and reaches `end` at the new horizon. Where `start` or `end` is another, somebody
+  /// saved line's value now and reaches `end` at the new horizon. Where `start` or `end` differs, the user
   /// set it, and this object stays as it was made; so it does for a checkpoint that has no such line.
   /// Errors: kBadFormat for keys of another type and numbers that are not finite.
   Status load(const StateDict& state, const std::string& prefix, double env_frames);

@@ -1,4 +1,4 @@
-// How the learning rate moves: as --learning_rate says over env frames, linearly to zero at the run's end, or after the KL
+// How the learning rate moves: as --learning_rate sets it over env frames, linearly to zero at the run's end, or after the KL
 // between new and behaviour policy. Stage: update, checkpoint.
 #pragma once
 
@@ -24,7 +24,7 @@ class LrSchedule {
   bool follows_epochs() const { return kind_ == RateSchedule::kKlAdaptiveEpoch; }
   /// Before a batch is trained: `env_frames` counted so far. The setting's own schedule moves here, and linear_decay:
   /// lr = lr_0 * max(0, 1 - env_frames / train_for_env_frames). A run that is resumed with another
-  /// train_for_env_frames goes on from the rate it had, in a line to 0 at the new end (linear_schedule.h).
+  /// train_for_env_frames continues from the rate it had, in a line to 0 at the new end (linear_schedule.h).
   void before_batch(double env_frames);
   /// After an optimizer step with the minibatch's mean KL; kl_adaptive_minibatch moves here.
   void after_minibatch(double kl);
@@ -41,7 +41,7 @@ class LrSchedule {
   void adapt(double kl);
 
   RateSchedule kind_;
-  Schedule rate_;  // kConstant, which may be a schedule of its own
+  Schedule rate_;  // kConstant, which may be its own schedule
   double learning_rate_ = 0;
   double env_frames_ = 0;  // of the last batch
   LinearSchedule line_;    // kLinearDecay

@@ -76,10 +76,10 @@ class BatchSource {
   virtual void close_rollout() {}
   /// Whether the last boundary, or the checkpoint that was loaded, can be resumed exactly.
   virtual bool resumes_exactly() const { return false; }
-  /// Gives the rollout's slabs back and lets the next one begin, if the run goes on.
+  /// Gives the rollout's slabs back and lets the next one begin, if the run continues.
   virtual void open_rollout(bool goes_on) { (void)goes_on; }
 
-  /// Goes on from a checkpoint of this run (`is_own`) or of another. Errors: kBadFormat; those of ReplayFeed::load.
+  /// Continues from a checkpoint of this run (`is_own`) or of another. Errors: kBadFormat; those of ReplayFeed::load.
   virtual Status load(const StateDict& state, const std::string& path, bool is_own);
   virtual void save(StateDict& state) const;
 
@@ -96,7 +96,7 @@ Expected<UpdateStats> update_on(Sample& sample, Algorithm& algorithm, const Upda
 /// Slabs that make a batch of these settings, of all learners together.
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env);
 
-/// The source that the settings ask for. Errors: those of ReplayFeed::create.
+/// The source that the settings select. Errors: those of ReplayFeed::create.
 Expected<std::unique_ptr<BatchSource>> make_batch_source(const SourceOptions& options);
 
 }  // namespace comrad::learn

@@ -21,7 +21,7 @@ struct JournalSnapshot {
   std::vector<uint8_t> action;   ///< all environments' joint actions, one after the other
   std::vector<float> recurrent;  ///< [env, 2, N * H]
 
-  /// Copies the arena's journals once every environment says that `next_rollout` is its next.
+  /// Copies the arena's journals once `next_rollout` is every environment's next.
   /// Errors: kTimeout when one does not within `timeout_ms`; kUnsupported when a journal overflowed.
   static Expected<JournalSnapshot> capture(const shm::Arena& arena, uint64_t next_rollout, int timeout_ms);
 

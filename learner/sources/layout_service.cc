@@ -38,7 +38,7 @@ Expected<std::map<std::string, std::set<std::string>>> read_interestingness_grap
     if (!row.is_object()) return bad("'" + layout + "' needs an object: other layout -> true or false");
     for (const auto& [other, interesting] : row.items()) {
       if (!interesting.is_boolean() && !interesting.is_number_integer())
-        return bad("'" + layout + "' says neither true nor false about '" + other + "'");
+        return bad("'" + layout + "' states neither true nor false about '" + other + "'");
       const bool is = interesting.is_boolean() ? interesting.get<bool>() : interesting.get<int64_t>() != 0;
       if (!is) uninteresting[layout].insert(other);
     }
@@ -56,7 +56,7 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
   options.p_theta = config.curriculum.lp_p_theta;
   options.min_return = config.curriculum.lp_min_return;
   options.uniform_prob = config.curriculum.lp_uniform_prob;
-  // Two settings, one for each family of strategies. 0: what each layout allows; a score that somebody names
+  // Two settings, one for each family of strategies. 0: what each layout allows; a score that a setting names
   // counts for all of them. What a published stage is divided by goes before either.
   options.max_return = config.curriculum.curriculum == CurriculumKind::kSequential
                            ? config.curriculum.seq_max_return

@@ -1,5 +1,5 @@
 // The one curriculum of a run at work: reads from the arena's episode stream how episodes ended, assigns every
-// environment its next layout, and tells PLR what training saw of each layout. Lives in the learner's
+// environment its next layout, and reports to PLR what training saw of each layout. Lives in the learner's
 // training thread. Stage: reset, from the learner's side.
 //
 //   simulator ── episode stream ──▶ serve ──▶ curriculum.update
@@ -32,7 +32,7 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
 /// Errors: kNotFound; kBadFormat with line and column, or naming the entry.
 Expected<std::map<std::string, std::set<std::string>>> read_interestingness_graph(const std::string& path);
 
-/// What a batch says about one layout, over its decisions of living agents (RolloutBatch::acting).
+/// What a batch shows about one layout, over its decisions of living agents (RolloutBatch::acting).
 struct LayoutSignal {
   int layout_index = 0;
   int64_t decisions = 0;

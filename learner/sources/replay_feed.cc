@@ -423,7 +423,7 @@ Status ReplayFeed::save(StateDict& state, const std::string& folder, const std::
     return {};
   }
   if (!have_all_saved)
-    return Error{ErrorCode::kNotSaved, "another learner could not write its replay; its log says why"};
+    return Error{ErrorCode::kNotSaved, "another learner could not write its replay; its log states why"};
   state.put("replay/file", file);
   state.put("replay/learners", int64_t{ranks_.count()});
   state.put("replay/inserted", limiter_.insert_count());
@@ -469,7 +469,7 @@ Status ReplayFeed::load(const StateDict& state, const std::string& folder, bool 
   COMRAD_TRY_ASSIGN(const int64_t inserted, state.integer("replay/inserted"));
   COMRAD_TRY_ASSIGN(const int64_t sampled, state.integer("replay/sampled"));
   COMRAD_TRY_ASSIGN(const int64_t draws, state.integer("replay/draws"));
-  int64_t learners = 1;  // a checkpoint that does not say is of the time when one was all
+  int64_t learners = 1;  // a checkpoint without it is of the time when there was one
   if (state.has("replay/learners")) {
     COMRAD_TRY_ASSIGN(learners, state.integer("replay/learners"));
   }

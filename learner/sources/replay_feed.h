@@ -3,7 +3,7 @@
 // does it itself, one thing after the other. Stage: drain > store > sample.
 //
 // Several learners have a replay each, of the trajectories of some of the environments, and one pace: when an update is
-// due follows from what came in and what was drawn in all of them. A learner tells the others what came in when it takes
+// due follows from what came in and what was drawn in all of them. A learner reports to the others what came in when it takes
 // it (take_inserted), so all count the same, and draw the next batch after the same insert.
 //
 //   slabs of its environments -> replay -> its part of a batch ─┐
@@ -49,7 +49,7 @@ struct ReplayContents {
 
 class ReplayFeed {
  public:
-  /// Makes the replay that the settings ask for (replay_plan.h) and says in the log how much it holds.
+  /// Creates the replay that the settings describe (replay_plan.h) and logs how much it holds.
   /// `run_dir`: where its file is made if memory is too small. Errors: kBadInput, kNoSpace of the replay (naming
   /// the flags). `device` trains: frames are decoded into memory that it copies by itself. `ranks`: the learners, which
   /// make theirs together, each its part; null: one. Outlives the feed.
@@ -104,12 +104,12 @@ class ReplayFeed {
   /// The replay to a file in `folder`, and its name and counters into `state`; the other learners write theirs beside it.
   /// Where one of them is gone, the checkpoint has no replay. Errors: those of Replay::save.
   Status save(StateDict& state, const std::string& folder, const std::string& file);
-  /// With save_replay learners meet here before they drain: the first one says that it is not about to save; the others
-  /// save what it asks for until it says so.
+  /// With save_replay learners meet here before they drain: the first one signals that it is not about to save; the others
+  /// save what it requests until then.
   void meet_before_drain();
   /// What belongs into a checkpoint without its replay, too.
   void save_position(StateDict& state) const;
-  /// Goes on from a checkpoint. Of this run (`is_own`): takes over what save() left. Without a replay this one
+  /// Continues from a checkpoint. Of this run (`is_own`): takes over what save() left. Without a replay this one
   /// stays empty, and training begins again when a few batches are there: the policy is trained already, so its
   /// decisions are not the chance ones that learning_starts_decisions waits for. Before start(). Errors: kBadFormat; in
   /// deterministic runs also those of Replay::load.

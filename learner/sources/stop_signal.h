@@ -11,7 +11,7 @@ namespace comrad::learn {
 
 constexpr int64_t kPollUs = 50'000;  ///< bound on every wait of a thread, so that a stop is seen
 
-/// Threads: one asks; a signal handler and the supervisor raise what it looks at.
+/// Threads: one reads; a signal handler and the supervisor raise what it looks at.
 class StopSignal {
  public:
   /// `raised` by a signal handler, the run state by the supervisor; both outlive the object.

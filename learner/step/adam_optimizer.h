@@ -1,5 +1,5 @@
 // Adam with a global gradient clip, the check that everything is finite, and a state that goes into checkpoints. A step
-// is a few passes over the parameters on the device they live on; the host is told afterwards what became of it.
+// is a few passes over the parameters on the device they live on; the host reads the outcome afterwards.
 // Stage: update.
 #pragma once
 

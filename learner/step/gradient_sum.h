@@ -23,9 +23,9 @@ int64_t gradients_held(const std::vector<torch::Tensor>& parameters, int threads
 void add_gradients(const std::vector<torch::Tensor>& parameters,
                    std::span<const std::vector<torch::Tensor>* const> gradients);
 
-/// Adds what `part_of(i)` of every i in [0, count) says to the parameters' .grad and to `add(part)`. A Part
+/// Adds what `part_of(i)` of every i in [0, count) returns to the parameters' .grad and to `add(part)`. A Part
 /// has `gradients`, in the order of the parameters, undefined where the loss does not reach. Parts are freed when they are
-/// added. False when keep_going() said no.
+/// added. False once keep_going() returned false.
 template <typename Part>
 bool sum_gradients(device::PartPool& pool, const std::vector<torch::Tensor>& parameters, int64_t count,
                    const std::function<Part(int64_t)>& part_of, const std::function<void(const Part&)>& add,

@@ -9,7 +9,7 @@
 
 namespace comrad::learn {
 
-/// Samples of one micro-batch, as `micro_batch_size` says; 0 stands for what suits the device: a CPU's caches, or a GPU, which is
+/// Samples of one micro-batch, as `micro_batch_size` describes; 0 stands for what suits the device: a CPU's caches, or a GPU, which is
 /// started as often for few samples as for many.
 int64_t samples_of_part(const RunConfig& config, torch::Device device);
 

@@ -56,7 +56,7 @@ TermValues MinibatchTerms::values(const double* numbers) const {
   return values;
 }
 
-/// Recorded work and the tensors of its own that it reads. Other shapes, and work for something else, have recordings of their own.
+/// Recorded work and its own tensors that it reads. Other shapes, and work for another purpose, have their own recordings.
 class StepRunner::Recorded {
  public:
   Recorded(StepInput& like, const void* for_what)

@@ -93,26 +93,26 @@ class StepRunner {
 
   /// Optimizer steps of the policy so far.
   PolicyVersion version() const { return version_; }
-  /// Goes on from a checkpoint; recordings are rebuilt, moments may have moved.
+  /// Continues from a checkpoint; recordings are rebuilt, moments may have moved.
   void resume(PolicyVersion version);
 
   enum class Result {
     kLaunched,
-    kAbandoned,  ///< keep_going() said no, or a rank has left
-    kRefused,    ///< is_wanted() said no
+    kAbandoned,  ///< keep_going() returned false, or a rank has left
+    kRefused,    ///< is_wanted() returned false
   };
   Result launch(const StepRequest& request, UpdateStats& stats, LaunchedStep& step);
   /// Waits where the numbers are not there yet. A step that was not taken is taken back out of the counts.
   StepOutcome complete(LaunchedStep& step, UpdateStats& stats);
 
   /// Adds the gradient of a whole minibatch, of all ranks, to the parameters' .grad: the sum does not depend on which thread was
-  /// first. False when keep_going() said no, or a rank has left.
+  /// first. False when keep_going() returned false, or a rank has left.
   bool add_gradient(const StepInput& input, const AdamOptimizer& optimizer, std::span<const Tensor> scalars,
                     bool keeps, const std::function<bool()>& keep_going, MinibatchTerms& terms);
   /// The same, and its numbers on the host.
   std::optional<StepOutcome> gradient_of(const StepRequest& request);
 
-  /// What `look` says of an input, without gradient. `for_what` tells apart the looks at inputs of one shape.
+  /// What `look` returns for an input, without gradient. `for_what` distinguishes the looks at inputs of one shape.
   std::vector<Tensor> evaluate(StepInput& input, const void* for_what,
                                const std::function<std::vector<Tensor>(const StepInput&)>& look);
 

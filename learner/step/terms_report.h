@@ -6,7 +6,7 @@
 
 namespace comrad::learn {
 
-/// Each term as "train/<name>", in the order in which the loss said them (METRICS.md says what they are).
+/// Each term as "train/<name>", in the loss's order (METRICS.md explains them).
 inline void append_terms(const TermValues& terms, NamedNumbers& values) {
   for (std::size_t i = 0; i < terms.names().size(); ++i)
     values.emplace_back("train/" + terms.names()[i].name, terms.values()[i]);

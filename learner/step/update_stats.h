@@ -28,7 +28,7 @@ struct UpdateStats {
   int64_t optimizer_steps = 0;
   int64_t skipped_steps = 0;  ///< non-finite loss or gradient, or no valid sample
   int64_t rows_trained = 0;   ///< agent decisions times epochs that went forward and backward
-  bool abandoned = false;     ///< keep_going said no
+  bool abandoned = false;     ///< keep_going returned false
   LagStats lag;
   NamedNumbers values;  ///< "train/policy_loss", ... of the last minibatch
 };

@@ -192,7 +192,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
     line["cpu_seconds"] = cpu_s;
     line["cpu_seconds_per_1000_decisions"]["all"] = cpu_s / (static_cast<double>(totals.decisions) / 1000);
   }
-  // HostWaitCounter wants the CPU with its number, which costs copies: so not in the measured part.
+  // HostWaitCounter requires the CPU with its number, which costs copies: so not in the measured part.
   COMRAD_TRY_ASSIGN(
       const auto counted,
       SyntheticTraining::create(config, shape, device.is_cpu() ? torch::Device(torch::kCPU, 0) : device));

@@ -127,7 +127,7 @@ Status CheckpointKeeper::save(PolicyVersion version) {
     std::snprintf(
         text, sizeof text,
         "writing a checkpoint took %.1f s, in which nothing was learned; is the disk slow? A longer "
-        "--save_every_sec than %.0f asks for fewer",
+        "--save_every_sec than %.0f requests fewer",
         took_s, config_.run.save_every_sec);
     warn(text);
   }
@@ -184,7 +184,7 @@ void CheckpointKeeper::save_to_evaluate(PolicyVersion version) {
 void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t request) {
   const double now_s = monotonic_s();
   const double env_frames = static_cast<double>(totals_.env_frames), seconds = totals_.train_seconds();
-  // Before the periodic one: a run that goes on from there has these already.
+  // Before the periodic one: a run that continues from there has these already.
   const bool is_milestone = milestone_seconds_.pass(seconds);
   if (milestone_frames_.pass(env_frames) || is_milestone)
     save_beside(checkpoint_file_name("milestone", version, totals_.env_frames));
@@ -205,7 +205,7 @@ void CheckpointKeeper::save_if_best() {
     if (!best_score_ && !std::exchange(told_of_no_best_, true))
       spdlog::info(
           "no best checkpoint before stats_avg {} episodes have ended ({} so far); a run that ends before "
-          "leaves none, --stats_avg asks for fewer",
+          "leaves none, --stats_avg requests fewer",
           config_.run.stats_avg, episodes_.size());
     return;
   }

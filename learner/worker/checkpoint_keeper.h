@@ -1,4 +1,4 @@
-// Which checkpoint a run goes on from, when one is written, and which score was the best. What lies in them
+// Which checkpoint a run continues from, when one is written, and which score was the best. What lies in them
 // is the learner's.
 #pragma once
 
@@ -59,8 +59,8 @@ class CheckpointKeeper {
   /// without any. Damaged ones are set aside, unless the learner only serves (`is_reader`).
   /// Errors: kBadFormat when none of several can be read.
   Expected<std::optional<Found>> find(bool is_reader);
-  /// The run goes on from this checkpoint, which makes `version`. Episodes and the best score are taken over from one
-  /// of its own (`is_own`). Errors: kBadFormat.
+  /// The run continues from this checkpoint, which makes `version`. Episodes and the best score are taken over from one
+  /// of the same run (`is_own`). Errors: kBadFormat.
   Status resumed_from(const Found& found, PolicyVersion version, bool is_own);
   /// The last episodes and the best score, for the state.
   void append_to(StateDict& state) const;

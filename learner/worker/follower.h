@@ -1,5 +1,5 @@
 // A learner beside the first: it drains its own share of the slabs and takes every optimizer step with the others. It
-// publishes, saves and reports nothing, and ends when the first one says so. Stage: drain > sample > update.
+// publishes, saves and reports nothing, and ends when the first one requests it. Stage: drain > sample > update.
 #pragma once
 
 #include <atomic>
@@ -25,7 +25,7 @@ class Follower {
   static Expected<std::unique_ptr<Follower>> start(const std::string& run_dir, const RunConfig& config,
                                                    shm::Arena arena, const std::atomic<bool>& stop,
                                                    RankGroup& ranks);
-  /// Trains until it is told to stop. Errors: those of an update; kPeerLost where another learner has left.
+  /// Trains until a stop is requested. Errors: those of an update; kPeerLost where another learner has left.
   Status run();
 
   const Algorithm& algorithm() const { return *algorithm_; }

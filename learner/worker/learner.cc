@@ -121,7 +121,7 @@ Status Learner::check_arena() const {
     return Error{ErrorCode::kBadInput,
                  "the arena was made for rollout " + std::to_string(shape.rollout_steps) + " and " +
                      std::to_string(shape.recurrent_state_count) +
-                     " floats of recurrent state, config.toml says " +
+                     " floats of recurrent state, config.toml states " +
                      std::to_string(config_.collection.rollout) + " and " + std::to_string(state_count)};
   const int64_t needed = lock_step_ ? arena_.shape().env_count() : slabs_per_batch(config_, shape.env);
   if (!options_.serve && arena_.shape().slab_count < needed)
@@ -295,7 +295,7 @@ Expected<UpdateStats> Learner::left_by_others(const Error& why, UpdateStats stat
     stats.abandoned = true;
     return stats;
   }
-  // The system says how a learner ended, a moment after its connections closed.
+  // The system reports how a learner ended, a moment after its connections closed.
   for (const double until_s = monotonic_s() + kEndIsKnownWithinS;
        options_.check_others && monotonic_s() < until_s;) {
     COMRAD_TRY(options_.check_others());

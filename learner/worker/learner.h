@@ -32,9 +32,8 @@ namespace comrad::learn {
 
 struct LearnerOptions {
   std::string run_dir;
-  bool serve = false;  ///< publish a checkpoint and idle, instead of training
-  std::string
-      checkpoint;  ///< serve: the file; train: where to begin when the run has no checkpoint of its own
+  bool serve = false;      ///< publish a checkpoint and idle, instead of training
+  std::string checkpoint;  ///< serve: the file; train: where to begin when the run has no checkpoint yet
   double abandon_step_after_s =
       4;  ///< of a stop: the optimizer step, or in lock step the rollout, is given up
   /// The learners of which this one is the first; null: it is alone. Outlives the learner.

@@ -1,4 +1,4 @@
-// New weights on their way from the network to whoever publishes them, without a learner that waits for its device: a copy is
+// New weights on their way from the network to their publication, without blocking the learner on its device: a copy is
 // taken on the device, goes to the host beside the next step, and is published once it is there. Stage: publish.
 #pragma once
 

@@ -140,7 +140,7 @@ void Batcher::take(const Split& split, int64_t limit) {
       batch_.requests.push_back(*request);
       --limit;
     } else {
-      // Answered without being read, so that its simulator goes on and notices rather than hangs.
+      // Answered without being read, so that its simulator continues and notices rather than hangs.
       ++refused_count_;
       shm::advance(slot, SlotState::kInBatch, SlotState::kActed);
       shm::ring(arena_->step_slots().acted(split.sim_worker, split.index));
@@ -275,7 +275,7 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
   for (size_t index = 0; index < batch.requests.size(); ++index) {
     const Request& request = batch.requests[index];
     shm::StepSlot& slot = arena_->step_slots().slot(request.env_index);
-    // The supervisor gives a dead simulator's slots and slabs back; this slab may be somebody else's by now.
+    // The supervisor gives a dead simulator's slots and slabs back; another simulator may own this slab by now.
     if (slot.state.load(std::memory_order_acquire) != SlotState::kInBatch) continue;
     const SlabView slab = arena_->slabs().view(static_cast<int>(request.slab_index));
     const size_t first_row = index * agents;

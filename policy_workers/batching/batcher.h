@@ -39,9 +39,9 @@ struct SeatRule {
 /// How a policy worker fills its batches.
 struct BatcherOptions {
   int policy_worker = 0;
-  int64_t min_batch = 1;       ///< environments a batch waits for (settings/resolve.cc knows what "auto" is)
-  int64_t max_batch = 0;       ///< environments in a batch at most; 0: all that are served
-  int64_t max_wait_us = 2000;  ///< longest wait for min_batch, from the first request on
+  int64_t min_batch = 1;           ///< environments a batch waits for (settings/resolve.cc resolves "auto")
+  int64_t max_batch = 0;           ///< environments in a batch at most; 0: all that are served
+  int64_t max_wait_us = 2000;      ///< longest wait for min_batch, from the first request on
   bool is_deterministic = false;   ///< one whole split per batch, whatever the limits say
   bool is_evaluation = false;      ///< episodes are counted over all environments: they alone key the draws
   bool is_greedy = false;          ///< most probable actions instead of drawn ones
@@ -103,7 +103,7 @@ class Batcher {
   /// Writes answers and hands the slots back: kInBatch -> kActed, then rings each split once.
   void scatter(const Batch& batch, const PolicyOutput& output, PolicyVersion version);
 
-  /// From now on every agent has a rule of its own, [N]; the options' say no more how actions are chosen, but for
+  /// From now on every agent has its own rule, [N]; the options' say no more how actions are chosen, but for
   /// is_greedy.
   void seat(std::vector<SeatRule> rules);
 
@@ -147,7 +147,7 @@ class Batcher {
   RngKey action_key_;
   RecurrentStateTable states_;
   std::vector<Split> splits_;
-  size_t next_split_ = 0;  // where the next batch starts to look, so that nobody starves
+  size_t next_split_ = 0;  // where the next batch starts to look, so that no split starves
   int64_t env_count_ = 0;
   Batch batch_;
   uint64_t wait_ns_ = 0;

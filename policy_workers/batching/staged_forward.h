@@ -1,4 +1,4 @@
-// A policy worker's forward pass on a device with memory of its own: the batch is packed into pinned memory and goes up in
+// A policy worker's forward pass on a device with its own memory: the batch is packed into pinned memory and goes up in
 // one copy, the answers come down in one, and recurrent states stay where they are computed. Batches are rounded up to a few
 // sizes, so that the work of each can be recorded once. Stage: forward.
 #pragma once
@@ -32,7 +32,7 @@ class StagedForward {
   /// `packing_threads` copy frames into pinned memory, the caller's among them.
   StagedForward(const ActorCritic& policy, const shm::ArenaShape& shape, int packing_threads = 1);
 
-  /// What policy.step_rows() says of the batch, to rounding. The output is valid until the next call.
+  /// What policy.step_rows() returns for the batch, to rounding. The output is valid until the next call.
   PolicyOutput step(const Batch& batch);
 
   int64_t states_brought_up() const {

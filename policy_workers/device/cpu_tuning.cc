@@ -28,7 +28,7 @@ void set_operator_threads(int thread_count) {
 
 void set_math_threads(int thread_count) {
   set_operator_threads(thread_count);
-  // OpenBLAS built on threads of its own asks nobody; its waiting threads take whole cores from those that
+  // OpenBLAS built on its own threads ignores OpenMP's limits; its waiting threads take whole cores from those that
   // compute. Built on OpenMP it would follow by itself; other libraries have no such function.
   static const auto set_blas_threads =
       reinterpret_cast<void (*)(int)>(dlsym(RTLD_DEFAULT, "openblas_set_num_threads"));

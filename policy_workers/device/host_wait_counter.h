@@ -9,8 +9,8 @@
 
 namespace comrad::device {
 
-/// Marks an optimizer step, from its first forward pass until the weights have their new values (or the device was told
-/// to give them those): in here the host must not wait. Threads: any; may be nested.
+/// Marks an optimizer step, from its first forward pass until the weights have their new values (or the device has its orders
+/// for them): in here the host must not wait. Threads: any; may be nested.
 class StepScope {
  public:
   StepScope();

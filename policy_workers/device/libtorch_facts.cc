@@ -25,7 +25,7 @@ LibtorchFacts libtorch_facts() {
   int count = 0;
   if (const cudaError_t result = cudaGetDeviceCount(&count); result != cudaSuccess) {
     facts.error = cudaGetErrorString(result);
-    cudaGetLastError();  // it is told; libtorch must not find it
+    cudaGetLastError();  // reported already; libtorch must not find it
     return facts;
   }
   for (int index = 0; index < count; ++index) {

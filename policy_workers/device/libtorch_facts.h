@@ -24,7 +24,7 @@ struct LibtorchFacts {
   std::string error;  ///< why it sees no GPU, in CUDA's words; empty where it does, or has no CUDA
 };
 
-/// Asks libtorch and, in a build with CUDA, its runtime. Starts CUDA where there is a GPU. Threads: any.
+/// Queries libtorch and, in a build with CUDA, its runtime. Starts CUDA where there is a GPU. Threads: any.
 LibtorchFacts libtorch_facts();
 
 }  // namespace comrad::device

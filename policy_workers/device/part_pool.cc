@@ -23,7 +23,7 @@ bool PartPool::run(int64_t parts, const std::function<void(int64_t)>& work,
                    const std::function<bool()>& keep_going) {
   const bool alone = helpers_.empty() || parts <= 1;
   // Before any helper may begin. This thread's share is computed like the helpers': the result must not
-  // depend on who took a part.
+  // depend on which thread took a part.
   std::optional<OneMathThread> one_thread;
   if (!alone) one_thread.emplace();
   {

@@ -1,6 +1,6 @@
 // Threads that work through the parts of one job side by side. The parts of an update are its micro-batches:
 // two threads with a micro-batch each keep two cores busier than one micro-batch whose every product is split
-// in two, because nobody waits at the end of every product. Those of a policy worker's batch for a GPU are frames
+// in two, because no thread waits at the end of every product. Those of a policy worker's batch for a GPU are frames
 // that are copied. Stages: forward, update.
 #pragma once
 
@@ -25,7 +25,7 @@ class PartPool {
   int threads() const { return static_cast<int>(helpers_.size()) + 1; }
   /// Calls work(part) once for every part in [0, parts), in any order and thread; inside, libtorch and its
   /// BLAS compute with one thread. `keep_going` is asked in the caller's thread before each of its parts and
-  /// may be empty; once it says no, no further part begins. Returns whether all were done. An exception of a
+  /// may be empty; once it returns false, no further part begins. Returns whether all were done. An exception of a
   /// part ends the job and is thrown again here.
   bool run(int64_t parts, const std::function<void(int64_t)>& work, const std::function<bool()>& keep_going);
 

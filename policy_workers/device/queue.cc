@@ -114,7 +114,7 @@ bool Graph::launch(bool records) {
   auto recording = std::make_unique<Recording>();
   std::string refusal;
   try {
-    // Other threads go on copying and allocating: what is not this thread's does not end the recording.
+    // Other threads continue copying and allocating: what is not this thread's does not end the recording.
     recording->graph.capture_begin({0, 0}, cudaStreamCaptureModeThreadLocal);
     work_();
   } catch (const std::exception& error) {

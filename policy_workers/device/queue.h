@@ -1,5 +1,5 @@
-// A device's queues of work: streams, events, memory of the host that a device can copy while the host goes on, and
-// recorded work (graphs). This folder alone knows CUDA; on a CPU the same calls do the work at once, so that everything
+// A device's queues of work: streams, events, memory of the host that a device can copy while the host continues, and
+// recorded work (graphs). Only this folder uses CUDA; on a CPU the same calls do the work at once, so that everything
 // but the driver is tested everywhere. Serves forward, and update of a learner on a GPU.
 #pragma once
 
@@ -63,7 +63,7 @@ class Event {
   std::shared_ptr<Place> place_;
 };
 
-/// Memory of the host. For a GPU it is pinned: copies from and to it go on beside the host's work.
+/// Memory of the host. For a GPU it is pinned: copies from and to it continue beside the host's work.
 Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device device);
 
 /// The next offset at or behind `bytes` at which numbers of any type may lie, where several tensors share one memory.
@@ -89,7 +89,7 @@ class Graph {
 
  private:
   struct Recording;
-  /// The work on a queue of its own, done (`records` false) or recorded.
+  /// The work on its own queue, done (`records` false) or recorded.
   bool launch(bool records);
   std::unique_ptr<Recording> recording_;
   std::function<void()> work_;

@@ -1,4 +1,4 @@
-// Numbers on their way from a device to the host. Training asks for what it wants to know, goes on giving the device work,
+// Numbers on their way from a device to the host. Training requests a readback, continues launching work,
 // and looks at the numbers when they are there: once a batch, not once a number. On a CPU they are there at once.
 #pragma once
 
@@ -37,7 +37,7 @@ class Readback {
   bool is_slow_ = false;  ///< and was not waited for
 };
 
-/// How often this process's host waited for numbers of a device, or would have if the device were none of its own cores.
+/// How often this process's host waited for numbers of a device, or would have if the device were not the CPU.
 int64_t host_waits();
 
 /// Tests of code that runs ahead of its device: while one of these lives, what comes from a CPU (a Readback, a Snapshot) is there

@@ -1,4 +1,4 @@
-// Tensors of a device as they are at one moment, on their way to the host as one run of bytes, while the device goes on
+// Tensors of a device as they are at one moment, on their way to the host as one run of bytes, while the device continues
 // and changes them. Serves update > publish.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Bytes of the host on their way into tensors of a device, which goes on with its work meanwhile: the counterpart of
+// Bytes of the host on their way into tensors of a device, which continues with its work meanwhile: the counterpart of
 // snapshot.h. Serves refresh.
 #pragma once
 

@@ -40,7 +40,7 @@ void add(const float* values, int64_t count, float* sum);
 /// Sum of squares in double, in an order that depends on `count` alone.
 double sum_of_squares(const float* values, int64_t count);
 
-/// One step of Adam; the learner's adam_optimizer.h says what the numbers are.
+/// One step of Adam; the learner's adam_optimizer.h states what the numbers are.
 struct AdamStep {
   float gradient_scale, beta1, beta2, one_less_beta1, one_less_beta2, step_size, root_scale, epsilon;
 };

@@ -11,7 +11,7 @@ namespace {
 
 using torch::Tensor;
 
-/// A BLAS is as fast with more rows, and has threads of its own.
+/// A BLAS is as fast with more rows, and has its own threads.
 constexpr int64_t kMostRows = 128;
 constexpr int64_t kFewestWeights = 32 * 32;
 

@@ -51,7 +51,7 @@ Tensor laid_out(const Tensor& x, const memory::desc& its_layout, const memory::d
   return out;
 }
 
-// oneDNN 2 (Debian 12) keeps the values of a description in a struct of its own; oneDNN 3 (Debian 13) takes them one by one.
+// oneDNN 2 (Debian 12) keeps the values of a description in its own struct; oneDNN 3 (Debian 13) takes them one by one.
 #if DNNL_VERSION_MAJOR < 3
 void append_elu(dnnl::post_ops& operations) {
   operations.append_eltwise(1.0f, dnnl::algorithm::eltwise_elu, 1.0f, 0.0f);
@@ -167,7 +167,7 @@ struct PixelConvolutions::Layer {
 
   memory::desc output() const { return forward.description.dst_desc(); }
 
-  /// Made at the first gradient, which a policy worker never asks for; the second not for pixels.
+  /// Made at the first gradient, which a policy worker never requests; the second not for pixels.
   const Made<dnnl::convolution_backward_weights>& weight_gradient() {
     if (!to_weight)
       to_weight.emplace(describe_backward<dnnl::convolution_backward_weights>(

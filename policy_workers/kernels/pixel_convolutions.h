@@ -15,7 +15,7 @@ namespace comrad::policy {
 
 /// Convolutions without padding, of chunks of one size. Numbers are bfloat16 with kBf16 where the processor multiplies them,
 /// else f32, whose factors kBf16 rounds. What lies between layers comes as u8 [bytes] in oneDNN's layout. Threads: the one
-/// that asked for it.
+/// that requested it.
 class PixelConvolutions {
  public:
   /// For input [rows, channels, height, width], weights [outputs, inputs, size, size] and a stride each. Made once per thread,

@@ -8,7 +8,7 @@
 
 namespace comrad::policy {
 
-/// Of one thread. Whoever writes a weight past torch's operators calls its bump_version().
+/// Of one thread. Code that writes a weight past torch's operators calls its bump_version().
 class WeightCache {
  public:
   torch::Tensor get(const torch::Tensor& weight, c10::function_ref<torch::Tensor(const torch::Tensor&)> make);

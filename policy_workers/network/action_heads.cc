@@ -54,7 +54,7 @@ Tensor allowed_choices(const Tensor& mask, int64_t first, int64_t size) {
   return allowed.logical_or(allowed.any(-1, /*keepdim=*/true).logical_not());
 }
 
-// Choices are counted from each head's own 0, and heads are cut out one by one: offsets in a tensor of their own would have
+// Choices are counted from each head's own 0, and heads are cut out one by one: offsets in their own tensor would have
 // to be copied to a GPU, which waits.
 Tensor chosen_entries(const Tensor& row, const Tensor& action, const EnvShape& env) {
   COMRAD_CHECK(row.size(-1) == env.logit_count(), "a row ends in one entry per choice");

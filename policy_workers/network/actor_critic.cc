@@ -39,7 +39,7 @@ class ActorCriticImpl {
     return options.separate_agents ? rows_of_agent(rows, axis, agent_of(index), agents()) : rows;
   }
 
-  /// Encoded rows with the agent's index beside them, where the options ask for it. All agents' rows.
+  /// Encoded rows with the agent's index beside them, where the options require it. All agents' rows.
   Tensor with_agent_id(const Tensor& encoded) const {
     if (!options.agent_id_input) return encoded;
     const Tensor id = torch::eye(agents(), encoded.options()).repeat({encoded.size(0) / agents(), 1});
@@ -294,7 +294,7 @@ int64_t ActorCritic::encoded_count() const {
 }
 
 Tensor ActorCritic::actor_sequence(int64_t agent, const SequenceInput& input) const {
-  COMRAD_CHECK(impl_->options.separate_agents, "each agent has an actor of its own");
+  COMRAD_CHECK(impl_->options.separate_agents, "each agent has its own actor");
   const ActorCriticImpl::Actor& actor = impl_->actors[static_cast<std::size_t>(agent)];
   return actor.action_head(actor.tower.sequence(input, 0))
       .view({input.frame.size(0), input.frame.size(1), -1});
@@ -329,7 +329,7 @@ std::vector<Tensor> ActorCritic::parameters() const {
 NamedTensors ActorCritic::named_parameters() const { return impl_->named_parameters(); }
 
 std::vector<Tensor> ActorCritic::actor_parameters(int64_t agent) const {
-  COMRAD_CHECK(impl_->options.separate_agents, "each agent has an actor of its own");
+  COMRAD_CHECK(impl_->options.separate_agents, "each agent has its own actor");
   std::vector<Tensor> parameters;
   for (auto& [name, tensor] : impl_->named_actor_parameters(static_cast<std::size_t>(agent)))
     parameters.push_back(tensor);

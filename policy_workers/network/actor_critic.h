@@ -32,7 +32,7 @@ struct PolicyOutput {
   Tensor recurrent_state;  ///< [B, H] f32
 };
 
-/// A pass over T steps of B rows; what was not asked for stays undefined.
+/// A pass over T steps of B rows; what was not requested stays undefined.
 struct SequenceOutput {
   Tensor logits;  ///< [T, B, A]
   Tensor value;   ///< [T, B]; undefined without a critic
@@ -78,7 +78,7 @@ class ActorCritic {
   /// The joint critic's values [T, B] of whole worlds, the same for all agents of a world. kJoint only.
   Tensor joint_value_sequence(const SequenceInput& input) const;
 
-  /// The two halves of a pass over a sequence, for who needs the features between them or steps that follow
+  /// The two halves of a pass over a sequence, for callers that need the features between them or steps that follow
   /// no stored frame. Features [B, E] of frames u8 [B, C, H, W] and measurements; then logits [T, B, A] of
   /// features [T, B, E], with state and reset as above. With gradient.
   Tensor encode(const Tensor& frame, const Tensor& measurement) const;
@@ -88,7 +88,7 @@ class ActorCritic {
   /// E: features of a row's encoder.
   int64_t encoded_count() const;
 
-  /// A network of the same options with weights of its own, equal to these now, that shares the input
+  /// A network of the same options with its own weights, equal to these now, that shares the input
   /// statistics: a target network.
   ActorCritic twin() const;
 

@@ -333,7 +333,7 @@ class RecurrentCore : public Core {
   }
 
   CoreOutput sequence(const Tensor& input, const Tensor& state, const Tensor& keep) const override {
-    // libtorch 1.13 takes no undefined tensor in a custom function; an empty one says "no resets".
+    // libtorch 1.13 takes no undefined tensor in a custom function; an empty one means "no resets".
     const Tensor kept = keep.defined() ? keep : torch::empty({0}, input.options().requires_grad(false));
     return run(input, state, [&](const Tensor& x, const Tensor& h, const Tensor& c, const CellWeights& w) {
       return cell_.sequence(linear(x, w.weight_ih, w.bias_ih, precision_), h, c, kept, w, precision_);

@@ -125,7 +125,7 @@ class CentralCritic : public TeamCritic {
     return at::cat({rows, at::matmul(others, of_worlds).flatten(0, 1)}, 1);
   }
 
-  /// own_first() [worlds * N, X] with the state and the agent's index behind it: it says whose of the state's numbers are its own.
+  /// own_first() [worlds * N, X] with the state and the agent's index behind it: it shows which of the state's numbers are the agent's own.
   Tensor with_state_and_index(const Tensor& x, const Tensor& state) const {
     if (state_size_ == 0) return x;
     const Tensor id = torch::eye(agents_, x.options()).repeat({x.size(0) / agents_, 1});

@@ -29,7 +29,7 @@ NetworkOptions NetworkOptions::from(const RunConfig& config, const EnvShape& env
   options.critic_widths = widths(config.network.critic_hidden_sizes);
   options.critic_rnn = config.network.happo_critic_rnn;
   if (sees_global_state(config)) options.global_state_count = env.global_state_count;
-  // "auto" stands in settings that were not resolved for a machine: then the same numbers everywhere.
+  // "auto" is in settings that were not resolved for a machine: then the same numbers everywhere.
   options.precision = config.collection.precision == Precision::kBf16 ? Precision::kBf16 : Precision::kFp32;
   return options;
 }

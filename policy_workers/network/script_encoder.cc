@@ -119,7 +119,7 @@ Status check_script_encoder(const std::string& path, const EnvShape& env) {
     const ScriptEncoder encoder(path, env, torch::kCPU);
     if (const std::string fault = fault_of(encoder); !fault.empty()) return refuse(fault);
   } catch (const std::exception& error) {
-    // One line: TorchScript's reports have one for every frame of its interpreter, and the last says what happened.
+    // One line: TorchScript's reports have one for every frame of its interpreter, and the last contains the cause.
     std::string what = error.what();
     what.resize(std::min(what.find("\nException raised from"), what.size()));
     what.resize(what.find_last_not_of(" \n") + 1);
@@ -128,7 +128,8 @@ Status check_script_encoder(const std::string& path, const EnvShape& env) {
         "failed, where a TorchScript module of frames u8 [B, " + std::to_string(env.channels) + ", " +
         std::to_string(env.height) + ", " + std::to_string(env.width) + "] and measurements f32 [B, " +
         std::to_string(env.measurement_count) +
-        "] to features f32 [B, F] is expected; write it with comrad.export_encoder. libtorch says: " + what);
+        "] to features f32 [B, F] is expected; write it with comrad.export_encoder. libtorch reports: " +
+        what);
   }
   return {};
 }

@@ -1,5 +1,5 @@
 // From the Q-values of factorised heads to the utility of an agent: heads are summed, so the best compound
-// action is each head's best choice and nobody enumerates the |A| joint choices. Masks count in every argmax.
+// action is each head's best choice without enumerating the |A| joint choices. Masks count in every argmax.
 // Serves forward and update.
 #pragma once
 

@@ -25,7 +25,7 @@ class WeightsReceiver {
   Expected<bool> refresh(const ActorCritic& policy) {
     return refresh([&policy](std::span<const std::byte> bytes) { return policy.read_weights(bytes); });
   }
-  /// The same for who reads the bytes otherwise.
+  /// The same for readers that get the bytes otherwise.
   Expected<bool> refresh(const std::function<Status(std::span<const std::byte>)>& read);
 
   /// Version in the network; nothing before the first refresh.

@@ -115,7 +115,7 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
       if (!needs_weights()) {
         batcher_.scatter_random(batch);
       } else {
-        // After the wait, not before it: in lock step the learner publishes and then lets simulators go on,
+        // After the wait, not before it: in lock step the learner publishes and then lets simulators continue,
         // so the requests that end a wait already expect the new weights.
         COMRAD_TRY_ASSIGN(const PolicyOutput output, answer(batch));
         stage.begin();

@@ -1,5 +1,5 @@
 // A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers; tell the run
-// how it is doing once a second. One process, one network, one thread of its own beside the bus's.
+// how it is doing once a second. One process, one network, its own thread beside the bus's.
 #pragma once
 
 #include <atomic>
@@ -36,7 +36,7 @@ struct PolicyWorkerOptions {
 /// Joined to one run.
 class PolicyWorker {
  public:
-  /// `bus` may be absent: the arena alone is enough to work, only nobody hears of it.
+  /// `bus` may be absent: the arena alone is enough to work, but without reports.
   /// Errors: kBadInput for a worker index, device or network that does not fit the run.
   static Expected<PolicyWorker> create(const RunConfig& config, const shm::Arena& arena,
                                        const PolicyWorkerOptions& options, dds::Bus* bus);

@@ -84,7 +84,7 @@ class FakeEnv {
   }
 
   bool has_answer() const { return slot().state.load(std::memory_order_acquire) == shm::SlotState::kActed; }
-  /// Takes the answer to a kAct; the episode goes on in the next row, wrapping inside the one slab.
+  /// Takes the answer to a kAct; the episode continues in the next row, wrapping inside the one slab.
   void take_act() {
     ASSERT_TRUE(shm::advance(slot(), shm::SlotState::kActed, shm::SlotState::kIdle));
     step_ = (step_ + 1) % arena_->shape().trajectory.rollout_steps;

@@ -1,4 +1,4 @@
-// What does not compile: where the message points, what it says, and that nothing makes the compiler stumble.
+// What does not compile: where the message points, what it contains, and that nothing makes the compiler stumble.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -236,7 +236,7 @@ TEST(AcsFunctions, TakeAndGiveValues) {
   EXPECT_EQ(run("f(); f(); result = f();",
                 "function int f (void) { int a[3]; int b; a[1]++; b += 2; return a[1] + b; }"),
             3)
-      << "every call has variables of its own";
+      << "every call has its own variables";
   EXPECT_EQ(evaluate("none()", "function int none (void) { }"), 0);
 }
 
@@ -259,7 +259,7 @@ TEST(AcsScripts, KeepTheirKindsAndFlags) {
   const auto behavior =
       load(compiled("script 1 OPEN {} script 2 ENTER CLIENTSIDE {} script 3 RETURN NET {} script 4 RESPAWN "
                     "{} script 5 DEATH {}\n"
-                    "script 6 LIGHTNING {} script 7 UNLOADING {} script 8 (int who) DISCONNECT {} script 9 "
+                    "script 6 LIGHTNING {} script 7 UNLOADING {} script 8 (int gone) DISCONNECT {} script 9 "
                     "(int a, int b, int c) EVENT {}\n"
                     "script 10 (int a, int b, int c, int d) NET CLIENTSIDE {} script <<0>> (void) {} script "
                     "11 KILL {} script 12 REOPEN {}\n"

@@ -88,7 +88,7 @@ TEST(UdmfReader, RefusesBrokenText) {
   EXPECT_THAT(message_of("/* no end"), HasSubstr("comment never ends"));
   EXPECT_THAT(message_of("namespace = \"zdoom"), HasSubstr("string never ends"));
   EXPECT_THAT(message_of("namespace = \"zdoom\\"), HasSubstr("string never ends"));
-  EXPECT_THAT(message_of("namespace = zdoom;"), HasSubstr("wants a string"));
+  EXPECT_THAT(message_of("namespace = zdoom;"), HasSubstr("requires a string"));
   EXPECT_THAT(message_of("vertex"), HasSubstr("found the end of the text"));
   EXPECT_THAT(message_of("vertex { x = 1 y = 2; }"), HasSubstr("expected ';'"));
   EXPECT_THAT(message_of("vertex { x = ; y = 2; }"), HasSubstr("expected a value for 'x'"));
@@ -100,12 +100,12 @@ TEST(UdmfReader, RefusesBadValues) {
   EXPECT_THAT(message_of("vertex { x = 1.2.3; y = 0; }"), HasSubstr("no number"));
   EXPECT_THAT(message_of("vertex { x = 1e999; y = 0; }"), HasSubstr("no number"));
   EXPECT_THAT(message_of("vertex { x = 99999999999999999999999; y = 0; }"), HasSubstr("no number"));
-  EXPECT_THAT(message_of("vertex { x = \"a\"; y = 0; }"), HasSubstr("wants a number"));
+  EXPECT_THAT(message_of("vertex { x = \"a\"; y = 0; }"), HasSubstr("requires a number"));
   EXPECT_THAT(message_of("linedef { v1 = 0.5; v2 = 1; sidefront = 0; }"), HasSubstr("whole number"));
   EXPECT_THAT(message_of("linedef { v1 = 3000000000; v2 = 1; sidefront = 0; }"), HasSubstr("whole number"));
   EXPECT_THAT(message_of("linedef { v1 = 0; v2 = 1; sidefront = 0; blocking = 1; }"),
               HasSubstr("true or false"));
-  EXPECT_THAT(message_of("sidedef { sector = 0; texturetop = 4; }"), HasSubstr("wants a string"));
+  EXPECT_THAT(message_of("sidedef { sector = 0; texturetop = 4; }"), HasSubstr("requires a string"));
 }
 
 TEST(UdmfReader, NamesTheKeyThatABlockLacks) {

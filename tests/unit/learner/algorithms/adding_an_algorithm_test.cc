@@ -54,7 +54,7 @@ TEST_F(AddingAnAlgorithm, ItsSettingsAreMergedAndItsLearnerIsMade) {
   EXPECT_NE(dynamic_cast<HopefulIppo*>(made->get()), nullptr);
   StateDict state;
   (*made)->save(state);
-  EXPECT_TRUE((*made)->load(state)) << "its name stands in its checkpoints";
+  EXPECT_TRUE((*made)->load(state)) << "its name is in its checkpoints";
 }
 
 TEST_F(AddingAnAlgorithm, ItsNameStandsInTheHelpOfAlgo) {

@@ -65,7 +65,7 @@ void cut_some_worlds(const test::SlabPool& pool, uint64_t seed) {
   }
 }
 
-/// `updates` of them, each with a batch of its own; the outcome's numbers are of the last one.
+/// `updates` of them, each with its own batch; the outcome's numbers are of the last one.
 Outcome train(const std::string& algo, torch::Device device, uint64_t seed, int updates = 1) {
   const RunConfig config = parity_config(algo);
   const TrajectoryShape shape = test::small_shape(config, kAgents);

@@ -182,7 +182,7 @@ TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
       }
   }
   ASSERT_TRUE(pieces.train_critic(other, {}, stats, terms));
-  // M of the update leaves the last agent's ratio out, since nobody is left to need it.
+  // M of the update leaves the last agent's ratio out, since no agent is left that needs it.
   const std::vector<Tensor> a = whole.net().parameters(), b = pieces.net().parameters();
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(torch::allclose(a[i], b[i], 1e-4, 2e-6)) << i;
   EXPECT_EQ(whole.version(), pieces.version());

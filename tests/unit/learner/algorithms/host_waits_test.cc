@@ -1,4 +1,4 @@
-// An optimizer step asks nothing of the device: whatever would make the host wait for a GPU is counted on the CPU, for
+// An optimizer step reads nothing from the device: whatever would make the host wait for a GPU is counted on the CPU, for
 // every algorithm.
 #include "policy_workers/device/host_wait_counter.h"
 

@@ -607,7 +607,7 @@ TEST(Ippo, SkipsStepsThatAreNotFiniteAndGivesUpAfterTooManyInARow) {
   EXPECT_GE(skipped, 5);
   EXPECT_NE(stats.error().message.find("not finite"), std::string::npos);
   EXPECT_TRUE(all_equal(before, ippo.net().parameters()));
-  batch.recurrent_state.copy_(recurrent_state);  // and a sound batch goes on
+  batch.recurrent_state.copy_(recurrent_state);  // and a sound batch continues
   EXPECT_EQ(ippo.update(batch, {})->optimizer_steps, 1);
 }
 

@@ -97,7 +97,7 @@ Stepped step_through(const policy::ActorCritic& net, const ReplayBatch& batch) {
   }
   for (int64_t t = 0; t < batch.steps(); ++t) {
     Tensor next = stepped.now[static_cast<std::size_t>(t + 1)].clone();
-    // A network of many agents is asked for whole worlds, so the cut's rows are put among the others'.
+    // A network of many agents needs whole worlds, so the cut's rows are put among the others'.
     Tensor frame = batch.frame[t].clone();
     for (std::size_t f = 0; f < batch.final_row.size(); ++f)
       if (batch.final_step[f] == t) frame[batch.final_row[f]] = batch.final_frame[static_cast<int64_t>(f)];
@@ -437,7 +437,7 @@ TEST_P(EveryAlgorithm, ALossThatIsNoNumberMovesNoWeight) {
   EXPECT_FALSE(last);
 }
 
-/// What a learner says of a batch, in natural units.
+/// A learner's results for a batch, in natural units.
 std::vector<double> words_of(QLearning& learner, ReplayBatch& batch) {
   TermValues terms;
   EXPECT_TRUE(learner.accumulate_gradient(batch, {}, terms));

@@ -171,7 +171,7 @@ TEST_F(ReplayBatchTest, AnAgentsDecisionAddsUpRewardsUntilNOrTheEnd) {
   EXPECT_TRUE(is_frame(got.frame[1][3], pool_.view(1).frame(4, 1)));
 }
 
-/// Agent 1 leaves the game behind step 1 and is paid at step 3, while the world goes on to step 4.
+/// Agent 1 leaves the game behind step 1 and is paid at step 3, while the world continues to step 4.
 class DeadAgentTest : public ReplayBatchTest {
  protected:
   DeadAgentTest() {

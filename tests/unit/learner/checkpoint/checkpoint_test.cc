@@ -87,8 +87,7 @@ TEST_F(CheckpointTest, AForeignFileIsAClearError) {
   EXPECT_EQ(read_checkpoint(path("absent.pt")).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(read_checkpoint(folder_.string()).error().code, ErrorCode::kBadFormat);
 
-  const std::vector<char> other =
-      torch::jit::pickle_save(torch::ones({3}));  // a torch archive of somebody else
+  const std::vector<char> other = torch::jit::pickle_save(torch::ones({3}));  // a foreign torch archive
   std::ofstream(path("other.pt"), std::ios::binary)
       .write(other.data(), static_cast<std::streamsize>(other.size()));
   const Expected<StateDict> read = read_checkpoint(path("other.pt"));

@@ -1,4 +1,4 @@
-// Python's torch.load(path, weights_only=True) is the reader that checkpoints are promised to; this asks a
+// Python's torch.load(path, weights_only=True) is the promised reader of checkpoints; this runs a
 // real one (tests/support/test_python.h); without one the test is skipped.
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ TEST(PythonReadsCheckpoint, WithWeightsOnlyAndEveryValue) {
   ASSERT_TRUE(write_checkpoint((folder / "a.pt").string(), state));
   folder.write("read.py", R"(
 import sys, torch
-# The safe reader of PyTorch 1.13, the first that has one, knows no Python floats; everything else is the same.
+# The safe reader of PyTorch 1.13, the first that has one, rejects Python floats; everything else is the same.
 d = torch.load(sys.argv[1], weights_only=not torch.__version__.startswith("1."))
 assert d["format"] == "comrad-checkpoint" and d["layout_version"] == 1, d
 assert torch.equal(d["network"]["encoder.weight"], torch.arange(12, dtype=torch.float32).view(3, 4))

@@ -284,7 +284,7 @@ TEST(QmixMixer, StartsAsXavierWithGainOneHalf) {
   }
 }
 
-/// Every row has a state, utilities and (across the shaken mixers) weights of its own.
+/// Every row has a state, utilities and (across the shaken mixers) its own weights.
 TEST(QmixMixer, RisesWithEveryUtilityAtTenThousandRandomPoints) {
   at::Generator draws = generator(11);
   int64_t points = 0;

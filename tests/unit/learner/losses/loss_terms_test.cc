@@ -10,7 +10,7 @@
 namespace comrad::learn {
 namespace loss_terms_test {
 
-/// What one half of a minibatch of four samples says, of which the last does not count.
+/// The terms of one half of a minibatch of four samples, of which the last does not count.
 LossTerms half(const Tensor& parameter, int64_t first) {
   const Tensor x = torch::tensor({1.0f, -2.0f, 4.0f, 100.0f}).narrow(0, first, 2).view({1, 2});
   const Tensor counts = torch::tensor({true, true, true, false}).narrow(0, first, 2).view({1, 2});

@@ -110,7 +110,7 @@ TEST(RankGroup, ARendezvousThatNeverCompletesNamesWhoIsMissing) {
 }
 
 TEST(RankGroup, AllHaveMetBeforeAnyoneLeavesAgain) {
-  // Their connections are made pair by pair: one rank could have all of its own while two others still wait.
+  // Their connections are made pair by pair: one rank could have all its connections while two others still wait.
   // On one core that happens every few times.
   cpu_set_t before, one;
   ASSERT_EQ(sched_getaffinity(0, sizeof before, &before), 0);
@@ -141,7 +141,7 @@ TEST(RankGroup, AWatchThatSaysNoEndsTheWaiting) {
   std::atomic<bool> has_ended{false};
   in_ranks(2, [&has_ended](RankGroup& ranks) {
     if (ranks.rank() == 1) {
-      // It is there, and says nothing.
+      // It exists, and is empty.
       (void)test::wait_until([&] { return has_ended.load(); });
       return;
     }
@@ -391,7 +391,7 @@ TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
   config.network.normalize_input = true;
   TrajectoryShape shape = test::small_shape(config, 2);
   shape.env.measurement_count = 3;
-  // What an update says first: how old the data is, then its measurements. 3: all but its gradient.
+  // An update's first numbers: how old the data is, then its measurements. 3: all but its gradient.
   for (const int said : {0, 1, 2, 3})
     in_ranks(2, [&](RankGroup& ranks) {
       if (ranks.rank() == 1 && said < 3) {
@@ -423,7 +423,7 @@ TEST(TwoLearners, TakeNoStepOfQlearningWhereTheOtherLeavesInTheMidstOfIt) {
   RunConfig config = test::small_config("idqn", 2);
   config.collection.learner_threads = 1;
   const TrajectoryShape shape = test::small_shape(config, 2);
-  // What an update says first: what is valid of its batch. 1: all but its gradient.
+  // An update's first numbers: what is valid of its batch. 1: all but its gradient.
   for (const int said : {0, 1})
     in_ranks(2, [&](RankGroup& ranks) {
       if (ranks.rank() == 1 && said == 0) return;
@@ -463,7 +463,7 @@ TEST(TwoLearners, ScoreLayoutsByWhatAllOfThemSaw) {
   });
 }
 
-/// An algorithm of somebody's own that does not say what several learners add up.
+/// A user's algorithm that does not define what several learners add up.
 class LearnsAlone : public ValueDecomposition {
  public:
   explicit LearnsAlone(const RunConfig& config)

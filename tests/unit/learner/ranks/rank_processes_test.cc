@@ -30,7 +30,7 @@ class RankProcessesTest : public ::testing::Test {
             mmap(nullptr, sizeof(Board), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0))) {}
   ~RankProcessesTest() override { munmap(board_, sizeof(Board)); }
 
-  /// The others write down who they are and wait for a signal; they never come back.
+  /// The others write down their ranks and wait for a signal; they never come back.
   RankProcesses fork(int count) {
     Expected<RankProcesses> processes = RankProcesses::fork(count);
     EXPECT_TRUE(processes);
@@ -51,7 +51,7 @@ class RankProcessesTest : public ::testing::Test {
   Board* board_;
 };
 
-/// A zombie is not: where process 1 waits for nobody, as in many containers, an orphan stays one.
+/// A zombie is not: where process 1 reaps no children, as in many containers, an orphan stays one.
 bool is_alive(pid_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
   std::string line;

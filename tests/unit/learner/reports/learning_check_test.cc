@@ -129,7 +129,7 @@ TEST(LearningCheck, ExplorationThatDoesNotEndWithTheRun) {
   EXPECT_THAT(LearningCheck(config).judge_settings(), IsEmpty());
   config.run.train_for_env_frames -= 1e4;
   EXPECT_THAT(LearningCheck(config).judge_settings(), SizeIs(1));
-  config.q_learning.epsilon = 1;  // uniform play was asked for
+  config.q_learning.epsilon = 1;  // uniform play was requested
   EXPECT_THAT(LearningCheck(config).judge_settings(), IsEmpty());
   EXPECT_THAT(LearningCheck(config_of("ippo")).judge_settings(), IsEmpty());
 }

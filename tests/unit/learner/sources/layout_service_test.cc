@@ -250,7 +250,7 @@ TEST_F(LayoutServiceTest, SequentialGoesPastALayoutThatAllowsLessThanTheDefaultM
   EXPECT_EQ(curriculum.draw(), 1) << "37 of 47 is less than 0.8";
   for (int episode = 0; episode < 5; ++episode) curriculum.update(1, 47);
   EXPECT_EQ(curriculum.draw(), 2);
-  // A score that somebody names counts for every layout.
+  // A score that a setting names counts for every layout.
   config_.curriculum.seq_max_return = 10;
   const auto named = open();
   ASSERT_NE(named, nullptr);

@@ -123,7 +123,7 @@ TEST(ReplayFeed, ADeterministicRunResumesWithTheCapacityItBeganWith) {
   EXPECT_TRUE(resumed->is_update_due());
 }
 
-/// Inserts `count` slabs of noise, and tells the others.
+/// Inserts `count` slabs of noise, and reports to the others.
 Inserted insert(ReplayFeed& feed, int count, uint64_t seed) {
   const SlabPool pool(shape_of(), 1);
   pool.fill_with_noise(seed);
@@ -178,7 +178,7 @@ TEST(TwoReplays, AreSavedBesideEachOtherAndLoadedByAsManyLearners) {
       EXPECT_TRUE(feed->save(state, folder.string(), "replay_1_4032.bin"));
       feed->meet_before_drain();
     } else {
-      feed->meet_before_drain();  // saves, and is told to go on
+      feed->meet_before_drain();  // saves, and continues
     }
   });
   in_ranks(2, [&](RankGroup& ranks) {

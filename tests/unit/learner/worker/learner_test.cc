@@ -239,7 +239,7 @@ class LearnerTest : public ::testing::Test {
     const auto version = observer.weights().read(published);
     EXPECT_TRUE(version);
     outcome.published = *version;
-    // What was learned of a rollout that is given up, nobody hears of.
+    // What was learned of an abandoned rollout is not published.
     EXPECT_TRUE(stop_at_batches_ > 0 || published == outcome.weights);
     return outcome;
   }
@@ -413,7 +413,7 @@ TEST_F(LearnerTest, ALockStepRunThatIsStoppedWithinARolloutKeepsTheOneBefore) {
   config.collection.deterministic = true;
   config.collection.async_rl = false;
   config.optimisation.num_epochs = 100;      // of two batches a rollout
-  config.optimisation.learning_rate = 3e-2;  // epochs go on while the loss changes
+  config.optimisation.learning_rate = 3e-2;  // epochs continue while the loss changes
   config.run.save_every_sec = 3600;
   config.run.train_for_env_frames = kFramesPerRollout;
   const Outcome first = live(config, "first");

@@ -45,8 +45,8 @@ class PayingGame : public PipelineGame {
   bool ends_by_time_;
 };
 
-/// Four decisions in which the team is paid 1 each or loses 1 each: which, the world knows and no picture shows. The
-/// global state tells it, and how many decisions were made.
+/// Four decisions in which the team is paid 1 each or loses 1 each: which, only the world's state contains. The
+/// global state shows it, and how many decisions were made.
 class HiddenGame : public PipelineGame {
  public:
   static constexpr double kGamma = 0.9;
@@ -178,7 +178,7 @@ RunConfig hidden_config(const std::string& algo, CriticState state) {
   return config;
 }
 
-/// What a trained critic or mixer says a world is worth: the sum over both agents where they are paid alike.
+/// A trained critic's or mixer's value of a world: the sum over both agents where they are paid alike.
 double value_of(const Algorithm& algorithm, bool pays, int step) {
   const torch::Tensor frame = torch::full({2, 3, 20, 20}, PipelineGame::shade(0), torch::kUInt8);
   const torch::Tensor state = torch::tensor({{pays ? 1.0f : 0.0f, static_cast<float>(step)}});

@@ -400,7 +400,7 @@ TEST(Batcher, RefusesIndicesOutOfRange) {
   EXPECT_EQ(batch.requests[0].env_index, 3);
   EXPECT_EQ(batcher.refused_count(), 3u);
   batcher.scatter_random(batch);
-  EXPECT_TRUE(split.await()) << "nobody hangs";
+  EXPECT_TRUE(split.await()) << "no worker hangs";
 }
 
 TEST(Batcher, ASlotTakenAwayMeanwhileIsNotAnswered) {

@@ -74,7 +74,7 @@ TEST_P(EveryStagedCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
   }
   EXPECT_EQ(staged.states_brought_up(), 0) << "episodes began, then every state was there";
 
-  // Asked for a value, the network moves no state; then the same decision is asked for.
+  // For a value request the network moves no state; then the same decision is requested.
   split.announce(2);
   for (int env : {1, 3}) split.envs[static_cast<size_t>(env)].commit_value();
   split.ring();

@@ -1,4 +1,4 @@
-// On a CPU a device's queues do their work at once; on a GPU (COMRAD_TEST_DEVICE) they keep the order that they were told.
+// On a CPU a device's queues do their work at once; on a GPU (COMRAD_TEST_DEVICE) they keep the order of the calls.
 #include "policy_workers/device/queue.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The host gets tensors as they were when they were asked for; on a GPU too (COMRAD_TEST_DEVICE).
+// The host gets tensors as they were when they were requested; on a GPU too (COMRAD_TEST_DEVICE).
 #include "policy_workers/device/snapshot.h"
 
 #include <gtest/gtest.h>

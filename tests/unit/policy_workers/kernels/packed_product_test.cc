@@ -105,7 +105,7 @@ TEST_P(PackedProduct, SeesEveryNewVersionOfAWeight) {
   weight.copy_(torch::randn({64, 64}));  // as new weights come to a policy worker
   EXPECT_LT(largest_error(), 1);
   weight.data_ptr<float>()[0] += 100;  // as the learner's Adam writes them
-  EXPECT_GT(largest_error(), 1) << "nobody said that it changed";
+  EXPECT_GT(largest_error(), 1) << "bump_version() was not called";
   weight.unsafeGetTensorImpl()->bump_version();
   EXPECT_LT(largest_error(), 1);
 }

@@ -137,7 +137,7 @@ TEST_P(EveryNet, WeightsAreTakenOverWithoutAWaitForTheDevice) {
     EXPECT_EQ(counter.between_steps().all(), 0);
   }
   EXPECT_EQ(worker.weights(), weights);
-  // Statistics go on from the count that came.
+  // Statistics continue from the count that came.
   learner.update_input_statistics(random_frames(options(), {5}), torch::randn({5, 3}));
   ASSERT_TRUE(worker.read_weights(learner.weights()));
   const Tensor frame = random_frames(options(), {4}), measurement = torch::randn({4, 3});

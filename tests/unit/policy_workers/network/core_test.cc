@@ -95,7 +95,7 @@ TEST(Core, StateHoldsEveryLayersHAndThenEveryLayersC) {
   EXPECT_GT(largest_difference(after.state.slice(1, 18, 24).tanh(), after.features), 0.0);
 }
 
-/// On the device of the test: a GPU has a sequence of its own, while steps are the framework's cells.
+/// On the device of the test: a GPU has its own sequence, while steps are the framework's cells.
 class EveryCore : public ::testing::TestWithParam<std::pair<const char*, int64_t>> {
  protected:
   CorePointer core() const { return core_of(GetParam().first, 7, 9, GetParam().second, device_); }

@@ -239,7 +239,7 @@ TEST(Precision, AWeightIsRoundedOnceAVersion) {
   weight.data_ptr<float>()[0] = 5;  // past torch's operators
   weight.unsafeGetTensorImpl()->bump_version();
   EXPECT_EQ(weight_factor(weight, Precision::kBf16)[0][0].item<float>(), 5);
-  EXPECT_EQ(first[0][0].item<float>(), 1) << "who holds the older one keeps it";
+  EXPECT_EQ(first[0][0].item<float>(), 1) << "holders of the older one keep it";
 }
 
 TEST(Precision, ARecordedPassRoundsItsWeightsEachTime) {

@@ -135,7 +135,7 @@ TEST(LayerEncoder, AnyLayersEqualTheSameLayersWrittenOut) {
   EXPECT_LT((encoder->forward_rows(rows, measurement) - features).abs().max().item<double>(), 1e-5);
 }
 
-// What policy_workers/ENCODERS.md says of adding an encoder, done as it says.
+// Adding an encoder as policy_workers/ENCODERS.md describes.
 
 TEST(AddingAnEncoder, LayersInAFileOfSettingsAreTrainedWithoutCode) {
   const test::ScratchFolder folder;

@@ -27,7 +27,7 @@ NetworkOptions small_options() {
   return options;
 }
 
-/// The networks by name: the words say what differs from a shared GRU with values of its own.
+/// The networks by name: the words say what differs from a shared GRU with its own values.
 NetworkOptions variant(const std::string& name) {
   NetworkOptions options = small_options();
   const auto has = [&name](const char* word) { return name.find(word) != std::string::npos; };

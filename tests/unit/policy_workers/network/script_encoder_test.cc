@@ -93,10 +93,10 @@ TEST_F(ScriptEncoders, AFaultEndsTheStartWithWhatWasExpected) {
               HasSubstr("other features for the same input"));
   EXPECT_THAT(fault("    return torch.matmul(frames.float().mean([2, 3]), self.weight.detach().t())\n"),
               ::testing::Not(::testing::IsEmpty()));
-  EXPECT_THAT(fault("    return torch.matmul(frames, self.weight)\n"), HasSubstr("libtorch says"));
+  EXPECT_THAT(fault("    return torch.matmul(frames, self.weight)\n"), HasSubstr("libtorch reports"));
   const std::string product = fault("    return torch.matmul(measurements, self.weight.t())\n");
   EXPECT_THAT(product, AllOf(HasSubstr("encoder.pt failed"), HasSubstr("measurements f32 [B, 0]"),
-                             HasSubstr("libtorch says: ")));
+                             HasSubstr("libtorch reports: ")));
   EXPECT_EQ(product.find('\n'), std::string::npos) << product;
   EXPECT_THAT(fault(kGood, torch::kFloat64), HasSubstr("float32 is expected"));
   folder_.write("broken.pt", "no module");

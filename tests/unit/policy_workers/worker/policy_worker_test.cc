@@ -149,7 +149,7 @@ TEST(PolicyWorker, AStagedWorkerAnswersAsTheNetworkDoes) {
   EXPECT_TRUE(worker.stop());
 }
 
-/// Writes what the launcher does: the settings of the networks, and who has which seat.
+/// Writes what the launcher does: the settings of the networks, and which player has which seat.
 void write_seats(const test::ScratchFolder& folder, const std::vector<RunConfig>& networks,
                  const std::vector<Seat>& seats) {
   SeatPlan plan;
@@ -300,8 +300,7 @@ TEST(PolicyWorker, RefusesARunWhoseShapesDoNotFitItsNetwork) {
   config.collection.device = "tpu";
   EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
   config.collection.policy_device = "cpu,tpu";
-  EXPECT_TRUE(PolicyWorker::create(config, arena, {}, nullptr))
-      << "the first of them has a device of its own";
+  EXPECT_TRUE(PolicyWorker::create(config, arena, {}, nullptr)) << "the first of them has its own device";
   const shm::Arena narrow = make_arena(options, {}, 64);
   EXPECT_EQ(PolicyWorker::create(small_config(), narrow, {}, nullptr).error().code, ErrorCode::kBadInput);
 }
