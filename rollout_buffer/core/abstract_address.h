@@ -1,4 +1,4 @@
-// Abstract Unix addresses: names of sockets that no file system knows and that vanish with the socket. Stage: loading.
+// Abstract Unix addresses: names of sockets that are in no file system and vanish with the socket. Stage: loading.
 #pragma once
 
 #include <sys/socket.h>

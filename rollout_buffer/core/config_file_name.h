@@ -1,4 +1,4 @@
-// What a scenario's name says of itself, to the launcher and to what it starts alike: a ViZDoom configuration, a variant.
+// What a scenario's name implies, to the launcher and to what it starts alike: a ViZDoom configuration, a variant.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The control groups that a process is in: limits of memory and of cores stand in their folders. Stage: start-up.
+// The control groups that a process is in: their folders contain limits of memory and cores. Stage: start-up.
 #pragma once
 
 #include <cstdint>

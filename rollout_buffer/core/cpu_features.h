@@ -18,7 +18,7 @@ inline const CpuFeatures& cpu_features() {
     CpuFeatures found;
 #if defined(__x86_64__) && defined(__GNUC__)
     found.multiplies_bf16 = __builtin_cpu_supports("avx512bf16") > 0;
-    // Not every compiler's __builtin_cpu_supports() knows the name.
+    // Some compilers' __builtin_cpu_supports() lacks the name.
     unsigned a = 0, b = 0, c = 0, d = 0;
     found.has_amx = __get_cpuid_count(7, 0, &a, &b, &c, &d) != 0 && (d & (1u << 22)) != 0;
     if (__builtin_cpu_supports("fma") > 0)

@@ -23,7 +23,7 @@ enum class ErrorCode {
   kNotSaved,     ///< the work is done, what it made could not be written
 };
 
-/// What went wrong: `message` says what, where and what to do, in one line.
+/// What went wrong: `message` contains what, where and what to do, in one line.
 struct Error {
   ErrorCode code = ErrorCode::kSystem;
   std::string message;

@@ -104,7 +104,7 @@ Status write_file_atomically(const std::string& path, std::string_view bytes, bo
 
 std::string data_dir() {
   if (const char* home = std::getenv("COMRAD_HOME"); home != nullptr && *home != '\0') return home;
-  // An installed prefix may be moved, so its place is asked for, not compiled in.
+  // An installed prefix may be moved, so its place is requested, not compiled in.
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
   if (folder.filename() == "comrad" && folder.parent_path().filename() == "libexec")

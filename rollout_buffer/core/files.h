@@ -17,7 +17,7 @@ Error system_error(const std::string& what);
 Error file_error(const std::string& what, int code);
 
 /// The bytes of a file; nothing where it cannot be read or is empty, for an empty file is of no use to
-/// those who read one here. The caller says what it should have been.
+/// callers. The caller reports what was expected.
 std::optional<std::string> read_file(const std::string& path);
 
 /// The bytes of a file that a user names and that should be short (settings): a plain file or a pipe, never more
@@ -31,7 +31,7 @@ Status write_all(int descriptor, std::string_view bytes, const std::string& path
 /// How the name of a half-written file begins; what a process that died left may be deleted.
 constexpr std::string_view kHalfWrittenMark = ".tmp-";
 
-/// Writes a file beside its place (`.tmp-<pid>-<name>`) and renames it, so that nobody ever sees half of it;
+/// Writes a file beside its place (`.tmp-<pid>-<name>`) and renames it, so that no reader sees half of it;
 /// what lay there before is untouched by a failure. Durable: on the disk when this returns, not only in its
 /// cache. Errors: as file_error.
 Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable);

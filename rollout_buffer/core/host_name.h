@@ -7,7 +7,7 @@
 
 namespace comrad {
 
-/// Empty where the kernel does not say.
+/// Empty where the kernel does not report it.
 inline std::string host_name() {
   char name[256] = {};
   gethostname(name, sizeof name - 1);

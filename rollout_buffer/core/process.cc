@@ -55,7 +55,7 @@ sigset_t heard_of(std::initializer_list<int> signals) {
 
 void yield_to_others() {
   setpriority(PRIO_PROCESS, 0, std::max(kBackgroundPriority, getpriority(PRIO_PROCESS, 0)));
-  syscall(SYS_ioprio_set, kIoOfProcess, 0, kIoIdleClass);  // a wish: not every disk queue knows priorities
+  syscall(SYS_ioprio_set, kIoOfProcess, 0, kIoIdleClass);  // best effort: some disk queues ignore priorities
 }
 
 double patience() {

@@ -1,4 +1,4 @@
-// What every program of COMRAD does first, and what it says with its exit code.
+// What every program of COMRAD does first, and the meaning of its exit code.
 #pragma once
 
 #include <signal.h>

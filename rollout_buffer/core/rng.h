@@ -17,7 +17,7 @@ constexpr uint64_t mix64(uint64_t z) {
 
 constexpr uint64_t kGoldenGamma = 0x9E3779B97F4A7C15ull;
 
-/// A place in the tree of random streams. Splitting is pure: key.split(3) is the same key for everyone.
+/// A place in the tree of random streams. Splitting is pure: key.split(3) is the same key everywhere.
 class RngKey {
  public:
   constexpr explicit RngKey(uint64_t seed) : state_(mix64(seed + kGoldenGamma)) {}

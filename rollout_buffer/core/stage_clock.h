@@ -1,4 +1,4 @@
-// Processor time of the pipeline's stages, and bytes that one stage copies for another. A bench asks for it by a folder
+// Processor time of the pipeline's stages, and bytes that one stage copies for another. A bench requests it by a folder
 // `stages` in its run's folder: every worker then counts in a file there, which the bench reads while they work. Elsewhere
 // nothing is counted, and a border costs one load.
 #pragma once
@@ -44,7 +44,7 @@ struct StageCounters {
 };
 static_assert(std::atomic<uint64_t>::is_always_lock_free);
 
-/// This process's counters; null where nobody asked for them.
+/// This process's counters; null where they are off.
 StageCounters* stage_counters();
 
 /// Counts in the file `<folder>/<name>` from now on; nothing happens where there is no such folder. Call once, before the

@@ -65,7 +65,7 @@ Status check_toml_depth(std::string_view text, const std::string& label) {
   return {};
 }
 
-/// toml++ 3.3 assumes, unchecked in release builds, that a table's header goes on with a key.
+/// toml++ 3.3 assumes, unchecked in release builds, that a table's header continues with a key.
 Status check_toml_headers(std::string_view text, const std::string& label) {
   const auto byte_at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const auto is_blank = [](unsigned char c) {
@@ -86,7 +86,8 @@ Status check_toml_headers(std::string_view text, const std::string& label) {
       skip_blanks();
       if (key < text.size() && text[key] == '[') ++key;
       skip_blanks();
-      const unsigned char first = key < text.size() ? byte_at(key) : 'x';  // the end: toml++ says so itself
+      const unsigned char first =
+          key < text.size() ? byte_at(key) : 'x';  // the end: toml++ reports that itself
       const bool is_key = (first >= 'a' && first <= 'z') || (first >= 'A' && first <= 'Z') ||
                           (first >= '0' && first <= '9') || first == '_' || first == '-' || first == '"' ||
                           first == '\'' || first == ']';

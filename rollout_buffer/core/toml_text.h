@@ -1,4 +1,4 @@
-// A TOML value as text. toml++ stays out of the headers that everybody includes.
+// A TOML value as text. toml++ stays out of the headers that are included everywhere.
 #pragma once
 
 #include <toml++/toml.h>

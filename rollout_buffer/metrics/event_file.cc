@@ -30,7 +30,7 @@ void append_little_endian(std::string& out, Integer value) {
   for (std::size_t i = 0; i < sizeof(value); ++i) out.push_back(static_cast<char>((value >> (8 * i)) & 0xFF));
 }
 
-/// An event that carries `data` for the HPARAMS page under a tag that it knows.
+/// An event that carries `data` for the HPARAMS page under its tag.
 tensorboard::Event hparams_event(double wall_time_s, const char* tag, const tensorboard::HparamsData& data) {
   tensorboard::Event event;
   event.set_wall_time(wall_time_s);

@@ -33,7 +33,7 @@ struct HparamMetric {
   std::string tag, title, below;
 };
 
-/// Appends events to one file of its own. Move-only.
+/// Appends events to its own file. Move-only.
 class EventFile {
  public:
   /// Makes <folder>/events.out.tfevents.<seconds>.<host>.<pid>.0 with its version record.

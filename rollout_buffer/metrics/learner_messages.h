@@ -1,4 +1,4 @@
-// What the learner tells the supervisor beside numbers: words for the user, and checkpoints to evaluate. Each message is a line
+// What the learner sends the supervisor besides numbers: messages for the user, and checkpoints to evaluate. Each message is a line
 // of JSON, which is read whole or not at all. Stage: beside the flow.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace comrad {
 
-/// What a worker tells the user of its run: a line of its standard error, behind kUserMessagePrefix. The supervisor shows
+/// A worker's message to the user: a line of its standard error, behind kUserMessagePrefix. The supervisor shows
 /// it, whatever else the worker prints.
 struct UserMessage {
   enum class Kind { kNote, kWarning };
@@ -34,7 +34,7 @@ std::optional<UserMessage> parse_user_message(std::string_view line);
 /// only logs it.
 void tell_user(const UserMessage& message);
 
-/// A checkpoint that the learner wants evaluated: a line of kEvaluationsFile in the folder of checkpoints. The line is written
+/// A checkpoint that the learner requires evaluated: a line of kEvaluationsFile in the folder of checkpoints. The line is written
 /// before the checkpoint, which is deleted when it was evaluated: what has both waits, in a run that was killed, too.
 struct RequestedEvaluation {
   std::string file;  ///< name in the same folder

@@ -28,13 +28,13 @@ std::vector<Hparam> hparams_of(const RunConfig& config);
 class MetricsWriter {
  public:
   /// The event file comes into `events_folder`, which is made; empty: into the run directory. TensorBoard follows one
-  /// event file a folder, so a second writer needs a folder of its own. Errors: kSystem, kNoSpace.
+  /// event file a folder, so a second writer needs its own folder. Errors: kSystem, kNoSpace.
   static Expected<MetricsWriter> open(const std::string& run_dir, const std::string& events_folder = "");
   MetricsWriter(MetricsWriter&& other) noexcept;
   MetricsWriter& operator=(MetricsWriter&& other) noexcept;
   ~MetricsWriter();
 
-  /// Says that this process writes from `env_frames` on: TensorBoard forgets what older event files of the folder hold there,
+  /// Notes that this process writes from `env_frames` on: TensorBoard forgets what older event files of the folder hold there,
   /// which a crashed run had reported and a resumed one repeats. Before the first report. Errors: kSystem, kNoSpace.
   Status begin_at(uint64_t env_frames);
 

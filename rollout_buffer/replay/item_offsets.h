@@ -11,13 +11,13 @@
 
 namespace comrad::replay {
 
-/// What the index knows about an item; together with the run's shape it fixes where every byte lies.
+/// The index entry of an item; together with the run's shape it fixes where every byte lies.
 struct ItemForm {
   int32_t length = 0;                  ///< L filled steps, 1..T
   int32_t finals = 0;                  ///< F rows of true last observations, 0..K
   bool has_mask = false;               ///< some choice was forbidden somewhere; else no mask is stored
   bool has_state = false;              ///< the recurrent state before step 0 is stored
-  bool compressed = false;             ///< each frame is an LZ4 block of its own
+  bool compressed = false;             ///< each frame is one LZ4 block
   bool has_post_death_reward = false;  ///< there is room for rewards that are paid behind the trajectory
 };
 
@@ -63,7 +63,7 @@ struct PackedItem {
 /// recurrent state that is not finite breaks every decision of its agent. A broken decision makes its step invalid for all agents,
 /// and so does a broken observation behind the step. Numbers that were not finite become 0, actions 0, masks
 /// all ones. True last observations are kept of truncated steps: nothing bootstraps from a terminated one.
-/// `kept` says what the form keeps: has_state, compressed and has_post_death_reward are read; its other fields are found.
+/// `kept` lists what the form keeps: has_state, compressed and has_post_death_reward are read; its other fields are found.
 void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabView& slab, uint32_t length,
                PackedItem& item);
 

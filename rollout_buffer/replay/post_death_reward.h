@@ -40,7 +40,7 @@ struct SlabOrigin {
   uint64_t first_episode_id = 0;
 };
 
-/// Whether `agent` was in the game at `step`, is out of it behind the step, and the episode goes on.
+/// Whether `agent` was in the game at `step`, is out of it behind the step, and the episode continues.
 bool is_last_decision(const StoredTrajectory& trajectory, int step, int agent);
 
 /// What `agent` is paid for its decision at `step`: the reward and, if it is the last decision, what

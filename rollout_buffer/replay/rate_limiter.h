@@ -1,5 +1,5 @@
 // Holds collecting and learning together: so many samples for each inserted transition, within a tolerance,
-// and none before the replay has some. Whoever runs ahead waits. Stage: between drain and sample.
+// and none before the replay has some. The side that is ahead waits. Stage: between drain and sample.
 //
 //   min_size * r - error_buffer  <=  inserted * r - sampled  <=  min_size * r + error_buffer
 //   r = samples_per_insert

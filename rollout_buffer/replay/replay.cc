@@ -12,7 +12,7 @@
 namespace comrad::replay {
 namespace {
 
-constexpr std::size_t kPrefetchedDraws = 8;  // sequences asked for ahead of the one that is read
+constexpr std::size_t kPrefetchedDraws = 8;  // sequences prefetched ahead of the one that is read
 
 /// The sampler's section of a snapshot; priorities (f64) follow.
 struct SamplerHeader {
@@ -124,7 +124,7 @@ void Replay::prefetch_draw(const Draw& draw) const {
 void Replay::prefetch(std::span<const Draw> draws) const {
   if (options_.store.file.empty()) return;
   const auto lock = lock_for_reading();
-  // Where a step's frames lie is written in its item's small fields: ask for all of those first.
+  // Where a step's frames lie is written in its item's small fields: prefetch all of those first.
   for (const Draw& draw : draws)
     if (draw.step >= 0) store_.prefetch_head(draw.item);
   for (const Draw& draw : draws) prefetch_draw(draw);

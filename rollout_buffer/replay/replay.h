@@ -63,12 +63,12 @@ class Replay {
   /// Calls `use(store)` under the lock that keeps items alive. Not for long: an insert waits meanwhile. No
   /// call of this object from inside.
   void read(const std::function<void(const TrajectoryStore&)>& use) const;
-  /// Reads drawn units one after the other, each under the lock for itself, and asks for those that come
+  /// Reads drawn units one after the other, each under the lock for itself, and requests those that come
   /// next while it does (mapped files). `use(index, trajectory)`; the trajectory is null where it was
   /// evicted meanwhile.
   void read_each(std::span<const Draw> draws,
                  const std::function<void(std::size_t index, const StoredTrajectory* trajectory)>& use) const;
-  /// Asks for what these draws will read; nothing to do in RAM.
+  /// Requests what these draws will read; nothing to do in RAM.
   void prefetch(std::span<const Draw> draws) const;
 
   /// p = (|td| + 1e-6)^omega; units that were evicted meanwhile are passed over.

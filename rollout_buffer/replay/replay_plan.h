@@ -1,5 +1,5 @@
 // How large a run's replay is, whether its frames are compressed and where it lies: chosen from the settings,
-// the shapes and what is free on the host. The learner makes the replay by this and says so at the start of a run;
+// the shapes and what is free on the host. The learner makes the replay by this and reports it at the start of a run;
 // `comrad config` prints it, and `comrad train` refuses a run that would end before learning begins.
 // Stage: before store.
 #pragma once
@@ -36,7 +36,7 @@ struct ReplayPlan {
   int64_t decisions_before_training =
       0;  ///< learning_starts_decisions, or half of those that fit if that is less
 
-  /// The part of learner `rank` of `learners`: a replay of its own, in a file of its own. When training begins is for all
+  /// The part of learner `rank` of `learners`: its own replay, in its own file. When training begins is for all
   /// of them together to say, and stays.
   ReplayPlan share_of(int rank, int learners) const;
 
@@ -48,7 +48,7 @@ struct ReplayPlan {
 ///
 ///   capacity   replay_gb, at most wanted; where it is 0: wanted, at most a third of what `reserved_bytes` leave
 ///              of the free memory (of the free disk, with replay_file)
-///   compress   as replay_compress says; auto: where wanted is more than the capacity may be
+///   compress   as replay_compress describes; auto: where wanted is more than the capacity may be
 ///   file       replay_file; without one <run_dir>/replay.ring where a typed replay_gb is more than memory
 ///              allows, else memory
 ///

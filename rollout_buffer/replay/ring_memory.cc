@@ -80,7 +80,7 @@ Expected<RingMemory> RingMemory::in_file(const std::string& path, int64_t size_b
   void* address = mmap(nullptr, static_cast<std::size_t>(file_bytes), PROT_READ, MAP_SHARED,
                        memory.mapping_.descriptor, 0);
   if (address == MAP_FAILED) return system_error("mapping --replay_file " + path);
-  // Draws jump about; what a draw needs is asked for in whole by prefetch().
+  // Draws jump about; what a draw needs is requested in whole by prefetch().
   (void)madvise(address, static_cast<std::size_t>(file_bytes), MADV_RANDOM);
   memory.mapping_.data = static_cast<std::byte*>(address);
   memory.mapping_.size_bytes = file_bytes;

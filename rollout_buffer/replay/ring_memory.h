@@ -31,7 +31,7 @@ class RingMemory {
 
   /// Writes the parts one behind the other. Errors: kNoSpace, kSystem (of the disk).
   Status write(int64_t offset, std::span<const std::span<const std::byte>> parts);
-  /// Asks the kernel to have these bytes in memory soon; nothing to do in RAM.
+  /// Requests these bytes from the kernel ahead of their use; nothing to do in RAM.
   void prefetch(int64_t offset, int64_t byte_count) const;
   /// Syncs a file and lets the kernel forget its pages, so that a measurement begins cold; nothing to do
   /// in RAM.

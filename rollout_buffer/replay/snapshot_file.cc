@@ -153,7 +153,7 @@ bool SnapshotReader::peek(std::span<std::byte> bytes) const {
 
 Status SnapshotReader::expect_end() const {
   if (left_bytes_ == 0) return {};
-  return Error{ErrorCode::kBadFormat, path_ + ": replay snapshot goes on behind its end"};
+  return Error{ErrorCode::kBadFormat, path_ + ": replay snapshot continues behind its end"};
 }
 
 }  // namespace comrad::replay

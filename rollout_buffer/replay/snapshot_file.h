@@ -62,7 +62,7 @@ class SnapshotReader {
   /// The next section; `bytes` gets its content. A section longer than what is left of the file is refused
   /// before anything is allocated. Errors: kBadFormat (damaged, shortened), kSystem.
   Expected<SectionHeader> next(std::vector<std::byte>& bytes);
-  /// The first bytes of the first section's content, unchecked: what says how the rest is to be checked. False where
+  /// The first bytes of the first section's content, unchecked: which decides how the rest is checked. False where
   /// the file is shorter. The next section stays the next one.
   bool peek(std::span<std::byte> bytes) const;
   /// Nothing follows. Errors: kBadFormat.

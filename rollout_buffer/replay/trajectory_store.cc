@@ -310,7 +310,7 @@ void TrajectoryStore::compress_frame(std::span<const uint8_t> frame, int64_t ind
     blocks_.resize(
         static_cast<std::size_t>(std::max(block_bytes_ + raw, 2 * static_cast<int64_t>(blocks_.size()))));
   std::byte* out = blocks_.data() + block_bytes_;
-  // A block must end up smaller than the frame; what does not is stored as it is, told by its size.
+  // A block must end up smaller than the frame; other frames are stored raw, marked by their size.
   const int size =
       LZ4_compress_default(reinterpret_cast<const char*>(frame.data()), reinterpret_cast<char*>(out),
                            static_cast<int>(raw), static_cast<int>(raw - 1));
@@ -544,7 +544,7 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
       saved.magic == kSnapshotMagic && saved.version != kSnapshotVersion)
     return bad("it has version " + std::to_string(saved.version) + ", this program reads version " +
                std::to_string(kSnapshotVersion) +
-               " alone; remove it, and the run goes on with an empty replay");
+               " alone; remove it, and the run continues with an empty replay");
   std::vector<std::byte> bytes;
   COMRAD_TRY_ASSIGN(const SectionHeader first, reader.next(bytes));
   if (first.tag != static_cast<uint32_t>(SectionTag::kHeader) || bytes.size() < sizeof saved.magic + 4)

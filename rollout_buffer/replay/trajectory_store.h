@@ -99,7 +99,7 @@ class StoredTrajectory {
   const uint8_t* ones_;
 };
 
-/// Threads: none of its own and no locks; `prepare` may run beside const calls, everything else that is not
+/// Threads: starts none, holds no locks; `prepare` may run beside const calls, everything else that is not
 /// const may not (Replay adds the locks).
 class TrajectoryStore {
  public:
@@ -140,7 +140,7 @@ class TrajectoryStore {
   /// The first failure of the disk behind `file`; nothing is stored from then on where writing fails.
   const std::optional<Error>& write_error() const { return write_error_; }
 
-  /// Asks for an item's bytes ahead of time: all, its small fields, or the frames of rows first..last, of all
+  /// Requests an item's bytes ahead of time: all, its small fields, or the frames of rows first..last, of all
   /// agents or of one.
   void prefetch(ItemId id) const;
   void prefetch_head(ItemId id) const;
@@ -159,7 +159,7 @@ class TrajectoryStore {
   /// kNoSpace, kSystem.
   Status load(const std::string& path);
 
-  /// The halves of save and load, for those who add sections of their own.
+  /// The halves of save and load, for callers that add sections.
   int64_t snapshot_bytes() const;
   Status write(SnapshotWriter& writer) const;
   /// Reads header and items; the next section is the caller's.

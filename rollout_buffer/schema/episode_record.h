@@ -27,7 +27,8 @@ struct EpisodeRecord {
   float score = 0;    ///< J, team level
   float ceiling = 0;  ///< the best J that the map allows so many agents; 0: not known
   std::array<float, kMaxAgents> agent_return{};  ///< sum of rewards before scale, clip and sharing
-  std::array<float, kMaxAgents> agent_score{};   ///< J per agent, where the scenario tells them apart; else J
+  std::array<float, kMaxAgents>
+      agent_score{};  ///< J per agent, where the scenario scores agents separately; else J
 
   std::span<const float> returns() const { return of_agents(agent_return); }
   std::span<const float> scores() const { return of_agents(agent_score); }

@@ -1,5 +1,5 @@
 // What the arena must know of the run's network. The network itself reports it (comrad-policy-worker --describe), so that no
-// bound on its size stands in a lower layer. Stage: start-up.
+// bound on its size is in a lower layer. Stage: start-up.
 #pragma once
 
 #include <cstdint>

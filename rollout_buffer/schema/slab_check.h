@@ -1,5 +1,5 @@
 // What a slab may be trusted with. Other processes write it, and may still write while it is read, so every number is
-// copied once, then judged; what is broken becomes a harmless number, and the caller is told. Used by the learner's
+// copied once, then judged; what is broken becomes a harmless number, and the check reports it. Used by the learner's
 // batches and by the replay: both call the same decision broken. Stage: drain.
 #pragma once
 

@@ -22,7 +22,7 @@ struct EnvShape {
   int32_t height = 72;                          ///< H of a frame
   int32_t width = 128;                          ///< W of a frame
   int32_t measurement_count = 0;                ///< M; 0 where the scenario has no vector
-  int32_t global_state_count = 0;               ///< S of a world's true state; 0 where no critic asks for it
+  int32_t global_state_count = 0;               ///< S of a world's true state; 0 where no critic requests it
   int32_t head_count = 3;                       ///< factorised action heads
   std::array<int32_t, kMaxHeads> head_sizes{};  ///< choices of each head, index 0 = "no button"
 

@@ -75,7 +75,7 @@ class SlabView {
   uint32_t& policy_version(int step, int agent) const;
   uint8_t& valid(int step) const;
 
-  /// Before the first row: what a writer sets only where something happened (rewards, ends, valid) says that nothing did.
+  /// Before the first row: what a writer sets only where something happened (rewards, ends, valid) is reset to none.
   void clear() const;
   /// After the last one: the rows beyond `length` repeat it. They still held an older rollout's bytes; so the slab's content is
   /// a function of this rollout alone, whatever a reader does with rows that are not valid.

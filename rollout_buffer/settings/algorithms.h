@@ -1,4 +1,4 @@
-// The learning algorithms, one row each: its names and all that the rest of the system asks of it. Nobody compares names;
+// The learning algorithms, one row each: its names and all that the rest of the system needs of it. No code compares names;
 // settings, network, replay and learner read the row's traits. The losses are in learner/algorithms. Stage: before a run.
 #pragma once
 
@@ -28,7 +28,7 @@ enum class CriticKind {
 /// How the agents' Q-values become the team's.
 enum class MixerKind { kNone, kVdn, kQmix, kQplexDuelling, kQplexAttention };
 
-/// Which part of the team's reward an agent gets where nobody asks for a share.
+/// Which part of the team's reward an agent gets where no share is set.
 enum class RewardShare { kOfTheScenario, kTeam, kOwn };
 
 /// One algorithm. `name` is the spelling that travels through the system.
@@ -44,7 +44,7 @@ struct AlgorithmRow {
   bool versions_by_agent = false;  ///< a batch makes a version for every agent and one for the critic
   bool can_use_vtrace = false;
   bool can_follow_kl = false;       ///< has one policy whose KL an adaptive learning rate can follow
-  std::string_view recipe_of = "";  ///< the row whose recipes it takes, besides those of its own name
+  std::string_view recipe_of = "";  ///< the row whose recipes it takes, besides those under its name
 
   bool learns_q_values() const { return family == Family::kQLearning; }
   bool mixes_q_values() const { return mixer != MixerKind::kNone; }
@@ -63,7 +63,7 @@ struct AlgorithmRow {
 const std::vector<const AlgorithmRow*>& algorithm_rows();
 std::vector<std::string> algorithm_names();
 
-/// The row of a name in any case or of another name ("APPO", "DQN", "QPLEX"); null where nobody has it.
+/// The row of a name in any case or of another name ("APPO", "DQN", "QPLEX"); null where no row has it.
 const AlgorithmRow* find_algorithm(std::string_view name);
 /// As find_algorithm. Errors: kBadInput for an unknown name, naming the nearest and the known ones.
 Expected<const AlgorithmRow*> algorithm_named(std::string_view name);

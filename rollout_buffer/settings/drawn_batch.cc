@@ -13,8 +13,8 @@ DrawnBatch::Unit counted_unit(const RunConfig& config) {
 DrawnBatch drawn_batch(const RunConfig& config, int64_t num_agents) {
   using Unit = DrawnBatch::Unit;
   const int64_t size = config.q_learning.replay_batch_size;
-  // One agent's decision is enough where agents learn alone and by one network that does not ask who
-  // they are.
+  // One agent's decision is enough where agents learn alone and by one network without the agent's
+  // index.
   if (const Unit unit = counted_unit(config);
       unit != Unit::kDecisionOfOne || (config.network.share_parameters && !config.network.agent_id_input))
     return {unit, size, 1};

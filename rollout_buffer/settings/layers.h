@@ -16,7 +16,7 @@ namespace comrad {
 /// and qplex's. Errors: those of set().
 Status apply_layer(RunConfig& config, const SettingsLayer& layer);
 
-/// Reads a TOML file of settings into a layer. Settings may stand in a table of their subject ([network]); a list is its items
+/// Reads a TOML file of settings into a layer. Settings may be in a table of their subject ([network]); a list is its items
 /// with commas between; `encoder` names a .pt file relative to the TOML file. Other tables are errors, but for [explicit] of a
 /// run's config.toml.
 /// Errors: kNotFound, kBadFormat with line and column.
@@ -31,7 +31,7 @@ std::string settings_to_toml(const RunConfig& config,
 /// and seed. Read back it gives `config` for as long as the built-in settings stay what they are.
 std::string changed_settings_to_toml(const RunConfig& config);
 
-/// Reads config.toml of a run, whose values and not those of [explicit] count: every worker's first step. One that says no
+/// Reads config.toml of a run, whose values and not those of [explicit] count: every worker's first step. One that names no
 /// version of its scenario is older than versions, and played the first.
 Expected<RunConfig> load_run_config(const std::string& path);
 

@@ -33,7 +33,7 @@ Status assign_epsilon(RunConfig& config, const std::string& origin, std::string_
                                            (is_length ? "epsilon's env frames are '" : "epsilon is '") +
                                            std::string(text) + "'; it must be a number " +
                                            (is_length ? "above 0 and at most 1e15" : "between 0 and 1") +
-                                           " (today --epsilon 1@0..0.01@2e7 says all three)"};
+                                           " (today --epsilon 1@0..0.01@2e7 sets all three)"};
   Schedule& epsilon = config.q_learning.epsilon;
   const Schedule::Point end = epsilon.is_constant()
                                   ? Schedule::Point{.value = epsilon.last(), .env_frames = 1}
@@ -89,9 +89,8 @@ constexpr OtherName kOtherNames[] = {
                 "into its metrics.jsonl, and `wandb sync` uploads that (comrad help export)"},
     {.name = "num_policies",
      .same = "1",
-     .instead =
-         "a run trains one team; start one run for each --seed. Networks of their own for the agents of a "
-         "team: --share_parameters=False"},
+     .instead = "a run trains one team; start one run for each --seed. Separate networks for the agents of a "
+                "team: --share_parameters=False"},
     {.name = "with_pbt",
      .is_boolean = true,
      .same = "false 0",
@@ -106,8 +105,7 @@ constexpr OtherName kOtherNames[] = {
     {.name = "actor_critic_share_weights",
      .is_boolean = true,
      .same = "true 1",
-     .instead =
-         "ippo's policy and value share one network; --algo mappo and happo have a critic of their own"},
+     .instead = "ippo's policy and value share one network; --algo mappo and happo have their own critic"},
     {.name = "policy_initialization",
      .same = "orthogonal",
      .instead = "weights begin orthogonal (--policy_init_gain)"},

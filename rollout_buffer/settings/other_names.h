@@ -21,7 +21,7 @@ struct OtherName {
   std::string_view name;
   bool is_boolean = false;        ///< may stand alone on the command line
   std::string_view setting = "";  ///< the boolean setting that is set to the opposite; empty: none
-  std::string_view same = "";     ///< values that ask for what is done in any case, separated by blanks
+  std::string_view same = "";     ///< values that request what is done in any case, separated by blanks
   std::string_view instead = "";  ///< what to use instead, words that follow a colon
 
   Status (*assign)(RunConfig&, const std::string& origin, std::string_view text) = nullptr;
@@ -29,15 +29,15 @@ struct OtherName {
   /// Where the name is another one for sets[0] in some runs only. Elsewhere nothing is set. Null: in all.
   AppliesWhen applies_when = {};
 
-  bool counts(const RunConfig& config) const {
+  bool applies(const RunConfig& config) const {
     return applies_when.holds == nullptr || applies_when.holds(config);
   }
-  /// Whether `text` asks for what is done in any case. Errors: kBadInput with `instead`.
+  /// Whether `text` requests what is done in any case. Errors: kBadInput with `instead`.
   Status accept(const std::string& origin, std::string_view text) const;
 };
 
 std::span<const OtherName> other_names();
-/// Null where nobody has that name.
+/// Null where no setting has that name.
 const OtherName* find_other_name(std::string_view name);
 
 }  // namespace comrad

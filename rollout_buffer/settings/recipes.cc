@@ -43,7 +43,7 @@ constexpr RecipeRow kRecipeRows[] = {
      "Q-gradients are small: with 1e-6 the root of Adam's second moment lay below epsilon in the gates of "
      "recurrent cores, whose steps shrank up to a hundredfold; the reference's mixers use 1e-8, too"},
 
-    // paper: the published configuration where the algorithm's row says something else.
+    // paper: the published configuration where the algorithm's row has another value.
     {"paper", "idqn", "adam_eps", "1e-6", "published; only the reference's mixers leave it at 1e-8"},
 
     // small: on-policy.

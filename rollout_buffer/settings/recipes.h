@@ -1,5 +1,5 @@
-// The recipes: which values an algorithm gets where nobody says otherwise, each with its reason, in one table
-// (recipes.cc). Three layers are read from here, between the built-in defaults and what the user asks:
+// The recipes: which values an algorithm gets by default, each with its reason, in one table
+// (recipes.cc). Three layers are read from here, between the built-in defaults and the user's settings:
 //
 //   built-in < algorithm < preset (its rows for the algorithm, then --qplex_preset, then the scenario's rows)
 //            < TOML file < command line
@@ -46,8 +46,8 @@ SettingsLayer qplex_preset_settings(QplexPreset preset);
 /// Words for several algorithms at once, in tables of recipes: all, on_policy, q_learning, mixers.
 std::span<const std::string_view> algorithm_groups();
 
-/// What a scenario says about one preset and algorithm: of its keys "<preset>.<algorithm or group>.<setting>" those
-/// that fit, without the first two parts; what it says of groups first, then of the row's `recipe_of`, then of the row itself.
+/// A scenario's settings for one preset and algorithm: of its keys "<preset>.<algorithm or group>.<setting>" those
+/// that fit, without the first two parts; keys of groups first, then of the row's `recipe_of`, then of the row itself.
 /// The upper part of the preset's layer.
 SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset, const AlgorithmName& algorithm);
 

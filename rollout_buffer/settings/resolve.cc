@@ -92,7 +92,7 @@ Status check_map_combinations(const RunConfig& c) {
   return {};
 }
 
-/// Layers are read; a name that is not in the table may be one of policy_workers/network, which says so when the network is made.
+/// Layers are read; a name that is not in the table may be one of policy_workers/network, which reports an error when the network is made.
 Status check_encoder(const RunConfig& c) {
   const std::string& encoder = c.network.encoder;
   if (is_encoder_file(encoder)) {
@@ -147,7 +147,7 @@ Status check_combinations(const RunConfig& c) {
   if (algo.separate_agents && c.network.share_parameters)
     return refuse("share_parameters is on; " + name + " updates one network per agent, so leave it off");
   if (c.network.agent_id_input && !c.network.share_parameters)
-    return refuse("agent_id_input is on without share_parameters; a network of its own needs no agent index");
+    return refuse("agent_id_input is on without share_parameters; its own network needs no agent index");
   if (algo.learns_q_values()) return check_q_combinations(c);
   if (!algo.can_follow_kl && follows_kl(c.optimisation.lr_schedule))
     return refuse("lr_schedule is " + std::string(word_of(c.optimisation.lr_schedule)) + "; " + name +
@@ -259,7 +259,7 @@ Status resolve_settings(RunConfig& config, int core_count) {
   COMRAD_TRY(check_limits(c));
   COMRAD_TRY(check_combinations(c));
   if (is_encoder_file(c.network.encoder)) c.network.normalize_input = false;  // a module gets bytes
-  if (c.collection.device == "gpu") c.collection.device = "cuda";             // as Sample Factory says it
+  if (c.collection.device == "gpu") c.collection.device = "cuda";             // Sample Factory's word
   if (c.collection.precision == Precision::kAuto)
     c.collection.precision = c.collection.device.starts_with("cuda") || cpu_multiplies_bf16()
                                  ? Precision::kBf16

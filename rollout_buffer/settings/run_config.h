@@ -51,7 +51,7 @@ struct HostSettings {
 
 #undef SETTING
 
-/// The merged settings of one run. Defaults are the built-in layer; 0 means "auto" where a setting's help says so.
+/// The merged settings of one run. Defaults are the built-in layer; 0 means "auto" where a setting's help notes it.
 struct RunConfig {
   RunSettings run;
   EnvironmentSettings environment;

@@ -1,4 +1,4 @@
-// A setting that may change while a run goes on: one number, or numbers at env frames with steps or straight lines between them.
+// A setting that may change while a run continues: one number, or numbers at env frames with steps or straight lines between them.
 //
 //   4e-4                      the same all the time
 //   0@0,3@2.4e6               0, from 2.4 M env frames on 3

@@ -1,4 +1,4 @@
-// Who plays each agent of an evaluation whose team is made of several players: the launcher writes the list into the run
+// Which policy plays each agent of an evaluation whose team is made of several players: the launcher writes the list into the run
 // directory, the learner (weights) and the policy workers (networks, draws) read it. Stage: before a run.
 #pragma once
 

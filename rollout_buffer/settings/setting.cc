@@ -193,7 +193,7 @@ bool are_reward_weights(std::string_view text) { return parse_reward_weights(std
 std::vector<SettingRow> make_rows() {
   using namespace limits;  // NOLINT: the rows' vocabulary
   std::vector<SettingRow> rows;
-  AppliesWhen applies_when = with::everything;  // of the file's rows that name no condition of their own
+  AppliesWhen applies_when = with::everything;  // of the file's rows that name no condition
   const auto add = [&rows, &applies_when](SettingRow row) {
     if (row.traits.applies_when.holds == nullptr) row.traits.applies_when = applies_when;
     rows.push_back(std::move(row));
@@ -375,7 +375,7 @@ Status set(RunConfig& config, const std::string& origin, std::string_view key, s
   if (const OtherName* other = find_other_name(key)) {
     if (other->assign != nullptr) {
       RunConfig unused = config;
-      return other->assign(other->counts(config) ? config : unused, origin, text);
+      return other->assign(other->applies(config) ? config : unused, origin, text);
     }
     if (other->setting.empty()) return other->accept(origin, text);
     bool value = false;

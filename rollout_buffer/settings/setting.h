@@ -1,4 +1,4 @@
-// One row a setting, and what can be done with all of them alike. The rows stand in eleven .def files, one a subject:
+// One row a setting, and what can be done with all of them alike. The rows are in eleven .def files, one a subject:
 //
 //   SETTING(type, name, default, limits, "help", .old_names = {"lr"}, .fixed_in_a_run = true)
 //
@@ -6,7 +6,7 @@
 // follows the help are members of SettingTraits and may be left out. To add a setting, add its row: the member of
 // RunConfig, its flag, key of TOML files, help, check and line of `comrad config` come from it.
 //
-// The help of a number says its unit: agent decisions (one agent's), joint decisions (one of every agent), env frames
+// The help of a number states its unit: agent decisions (one agent's), joint decisions (one of every agent), env frames
 // (agent decisions x env_frameskip), optimizer steps, seconds, ... A name that could mean two of them ends in its unit
 // (train_for_env_frames, learning_starts_decisions). Stage: before a run.
 #pragma once
@@ -72,7 +72,7 @@ struct SettingTraits {
   bool sizes_the_arena = false;                    ///< automatic sizes are made from it
   bool is_automatic_size = false;                  ///< rebuilt when one of those changes
   bool is_a_list = false;                          ///< typed several times, the values are joined by commas
-  bool is_of_the_start = false;                    ///< says where a run lies and how it was started
+  bool is_of_the_start = false;                    ///< where a run lies and how it was started
   AppliesWhen applies_when = {};                   ///< else that of its .def file
   bool used_by_eval = false;                       ///< has an effect where agents only play
   bool is_changed_first = false;  ///< among the twenty that `comrad help train` shows without --all

@@ -1,4 +1,4 @@
-// Settings as text, before anything is known of their types: whoever only hands layers on includes this, and is not compiled
+// Settings as text, without their types: code that only passes layers on includes this, and is not compiled
 // anew when a setting changes.
 #pragma once
 

@@ -1,11 +1,11 @@
 // The arena: one sealed memfd per host and run, through which simulators, policy workers and the learner meet. It is made
-// of rooms, each with a header of its own that draws its layout and names its writers:
+// of rooms, each with its own header that draws its layout and names its writers:
 //
 //   header | control_block | step_slots | episode_stream | learner_report | weight_buffers | journal | layout_mailbox |
 //   accounts | remote_worker_slot | slab_pool
 //
 // Every hand-over is a state word with one writer per state and a doorbell beside it. There are no linked
-// lists or index rings that a peer killed half way could leave broken: who owns what can always be read off
+// lists or index rings that a peer killed half way could leave broken: ownership can always be read off
 // the state words, and the supervisor gives a dead owner's slabs and slots back with reclaim_*().
 #pragma once
 

@@ -1,4 +1,4 @@
-// The numbers that size an arena. They stand in its header, so that every process computes the same places.
+// The numbers that size an arena. Its header contains them, so that every process computes the same places.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,8 @@ struct ArenaShape {
   int32_t episode_ring_capacity = 4096;
   int64_t weights_bytes = 0;       ///< capacity of one weights buffer
   int32_t guest_worker_count = 0;  ///< the last of the sim workers: played by other hosts
-  int32_t frame_guest_count = 0;   ///< the first of the guests: policy workers of this host play with them
+  int32_t frame_guest_count =
+      0;  ///< the first of the remote workers: policy workers of this host play with them
 
   /// Simulators of this host.
   int32_t own_worker_count() const { return sim_worker_count - guest_worker_count; }

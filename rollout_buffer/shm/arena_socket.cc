@@ -157,11 +157,11 @@ ArenaServer::~ArenaServer() {
 
 Expected<JoinRequest> ArenaServer::serve_one() {
   if (!await_readable(descriptor_, kServeTimeoutMs))
-    return Error{ErrorCode::kTimeout, "nobody joins " + name_};
+    return Error{ErrorCode::kTimeout, "no process joined " + name_};
   const Handle peer(accept4(descriptor_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
   if (peer.get() < 0) {
     if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED)
-      return Error{ErrorCode::kTimeout, "nobody joins " + name_};
+      return Error{ErrorCode::kTimeout, "no process joined " + name_};
     return system_error("accepting a process that joins " + name_);
   }
   const auto refuse = [&peer](const std::string& why) -> Error {
@@ -201,7 +201,7 @@ Expected<Arena> join_arena(const std::string& name, const JoinRequest& request, 
       usleep(kRetryUs);
       continue;
     }
-    // Anyone may take an abstract name; an arena is accepted only from a process of our own user.
+    // Any process may take an abstract name; an arena is accepted only from a process of our own user.
     if (!is_same_user(peer.get()))
       return Error{ErrorCode::kBadInput, "joining run " + name + ": the socket belongs to another user"};
     if (send(peer.get(), &request, sizeof request, MSG_NOSIGNAL) != static_cast<ssize_t>(sizeof request))

@@ -1,5 +1,5 @@
-// How a process of the same host joins a run: it connects to the run's Unix socket, the supervisor checks who
-// asks (SO_PEERCRED) and hands the arena's descriptor over (SCM_RIGHTS). Nothing else travels here.
+// How a process of the same host joins a run: it connects to the run's Unix socket, the supervisor checks the
+// peer's user (SO_PEERCRED) and hands the arena's descriptor over (SCM_RIGHTS). Nothing else travels here.
 #pragma once
 
 #include <sys/types.h>
@@ -12,7 +12,7 @@
 
 namespace comrad::shm {
 
-/// Who joins; sent as one fixed-size datagram.
+/// The worker that joins; sent as one fixed-size datagram.
 struct JoinRequest {
   uint32_t magic = kArenaMagic;
   uint32_t arena_version = kArenaVersion;
@@ -33,7 +33,7 @@ class ArenaServer {
   const std::string& name() const { return name_; }
   /// Accepts one peer, checks that it runs as the same user, hands the arena over. Bounded wait of 1 s on a
   /// peer that connects and stays silent. Errors: kBadInput (wrong user, magic or version), kTimeout,
-  /// kSystem; the server goes on.
+  /// kSystem; the server continues.
   Expected<JoinRequest> serve_one();
 
  private:
@@ -43,7 +43,7 @@ class ArenaServer {
   int arena_descriptor_ = -1;
 };
 
-/// Joins the run that listens on `name`. Retries until `timeout_ms` while nobody listens yet.
+/// Joins the run that listens on `name`. Retries until `timeout_ms` while no process listens yet.
 /// Errors: kNotFound, kTimeout, kBadFormat, kBadInput.
 Expected<Arena> join_arena(const std::string& name, const JoinRequest& request, int timeout_ms);
 

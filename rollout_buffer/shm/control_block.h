@@ -51,7 +51,7 @@ struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<uint32_t>
       goal_reached;  ///< 1: the run has ended at one of its limits (learner, trajectory sender)
   std::atomic<uint32_t>
-      leave_requested;  ///< 1: the learner's host asks this one to leave; what was played is delivered first (sender)
+      leave_requested;  ///< 1: the learner's host requests this one to leave; what was played is delivered first (sender)
   std::atomic<uint32_t> checkpoint_done;     ///< the last checkpoint_seq that the learner has dealt with
   std::atomic<uint32_t> checkpoints_failed;  ///< that the learners of this arena could not write
   std::atomic<uint64_t> saved_env_frames;    ///< of the newest checkpoint (learner)

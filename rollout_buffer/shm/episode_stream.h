@@ -45,7 +45,7 @@ class EpisodeStream {
  public:
   EpisodeStream(const ArenaShape& shape, Region& region);
 
-  void write(const EpisodeRecord& record) const;  ///< record.env_index tells whose it is
+  void write(const EpisodeRecord& record) const;  ///< by record.env_index
   /// The oldest episode that the reader has not read, simulator by simulator.
   std::optional<EpisodeRecord> read(EpisodeReader reader) const;
   uint64_t lost(EpisodeReader reader) const;

@@ -1,5 +1,5 @@
 // Doorbells between processes: a counter in shared memory that one side rings and others wait on with a
-// time-out. The state words are the truth; a doorbell only says "look again", so a lost or doubled ring does
+// time-out. The state words are the truth; a doorbell only means "look again", so a lost or doubled ring does
 // no harm.
 #pragma once
 
@@ -14,7 +14,7 @@ struct alignas(64) Doorbell {
   std::atomic<uint32_t> sleepers;
 };
 
-/// Rings: every waiter that read an older count wakes. Costs no system call when nobody sleeps.
+/// Rings: every waiter that read an older count wakes. Costs no system call without waiters.
 void ring(Doorbell& doorbell);
 
 /// The count to hand to wait(); read it before looking at the state that the doorbell announces.

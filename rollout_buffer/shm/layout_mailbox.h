@@ -3,7 +3,7 @@
 //   LayoutMailbox [env]
 //
 // Writers: the simulator takes its assignments, the learner's curriculum (on other hosts the trajectory sender) gives them.
-// How the episodes ended stands in the episode stream (episode_stream.h).
+// How the episodes ended is in the episode stream (episode_stream.h).
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// What the learner says of itself once a second, for the supervisor.
+// What the learner reports of itself once a second, for the supervisor.
 //
 //   sequence (odd while the learner writes) | LearnerReport
 #pragma once

@@ -1,5 +1,5 @@
 // A memfd: anonymous shared memory that is passed by file descriptor, needs no name in /dev/shm and vanishes
-// with its last user. Only its sealed size is trusted by those who receive it.
+// with its last user. Receivers trust only its sealed size.
 #pragma once
 
 #include <cstddef>

@@ -50,7 +50,7 @@ std::optional<uint32_t> SlabPool::acquire(int sim_worker) const {
     }
     found.length = 0;
     found.env_index =
-        static_cast<uint32_t>(sim_worker * shape_.envs_per_worker);  // tells whose it is from now on
+        static_cast<uint32_t>(sim_worker * shape_.envs_per_worker);  // names its simulator from now on
     found.rollout_index = kNoRollout;
     found.position = kNoPosition;
     found.state.store(SlabState::kFilling, std::memory_order_release);
@@ -121,7 +121,7 @@ std::vector<uint32_t> SlabPool::adopt() const {
   return slabs;
 }
 
-/// An environment's slabs are drained in their order, so the end of the newest one says how much was taken.
+/// An environment's slabs are drained in their order, so the end of the newest one shows how much was taken.
 void SlabPool::note_taken(const SlabHeader& header) const {
   const uint32_t env_index = header.env_index;
   if (env_index >= static_cast<uint32_t>(shape_.env_count()))
@@ -174,7 +174,7 @@ void SlabPool::reclaim_filling(
   for (int index = 0; index < shape_.slab_count; ++index) {
     SlabHeader& orphan = header(index);
     const bool is_owner = orphan.owner.load(std::memory_order_acquire) == owner;
-    // While kFilling, env_index tells whose slab it is; the owner word alone may be a dead acquirer's last
+    // While kFilling, env_index names the slab's environment; the owner word alone may be a dead acquirer's last
     // touch on a slab that another simulator was sealing.
     const bool is_filling = orphan.state.load(std::memory_order_acquire) == SlabState::kFilling;
     if (const uint32_t env_index = orphan.env_index;

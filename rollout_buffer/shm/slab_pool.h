@@ -35,7 +35,7 @@ struct alignas(kCacheLineBytes) SlabHeader {
   EpisodeStamp first_episode;
   uint64_t position;  ///< steps of this environment in slabs that were sealed before; see EnvAccount
   /// A slab is free when `state` is kFree and `owner` is 0. The owner word is the lock that acquiring takes;
-  /// it is given back just before the state moves on. While kFilling, env_index tells whose the slab is, so a
+  /// it is given back just before the state moves on. While kFilling, env_index names the slab's environment, so a
   /// simulator killed between any two of these stores loses nothing.
   alignas(kCacheLineBytes) std::atomic<SlabState> state;
   std::atomic<uint32_t> owner;  ///< sim worker index + 1 while kFilling, else 0

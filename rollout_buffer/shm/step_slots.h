@@ -3,7 +3,7 @@
 //   StepSlot [env] | doorbells of policy workers | doorbells, SplitRound [sim worker, split] |
 //   live recurrent states [env, parity, N, H]
 //
-// Writers: the simulator before commit, the policy worker before scatter; the state word says whose turn it is.
+// Writers: the simulator before commit, the policy worker before scatter; the state word shows whose turn it is.
 #pragma once
 
 #include <atomic>
@@ -18,7 +18,7 @@ namespace comrad::shm {
 
 struct Region;
 
-/// What a simulator asks of the policy worker in one hand-over.
+/// What a simulator requests from the policy worker in one hand-over.
 enum class RequestKind : uint32_t {
   kAct,    ///< row `step` of the slab: choose an action, advance the recurrent state, write value
   kValue,  ///< row `step` == T of a full slab: write value[T] only; the recurrent state stays
@@ -57,7 +57,7 @@ inline bool advance(StepSlot& slot, SlotState from, SlotState to) {
   return slot.state.compare_exchange_strong(from, to, std::memory_order_acq_rel, std::memory_order_acquire);
 }
 
-/// What a split of environments asks for in its present round. The simulator stores it before it commits the
+/// What a split of environments requests in its present round. The simulator stores it before it commits the
 /// round's first slot, and no slot of an older round is outstanding then; so a policy worker that counts
 /// `request_count` slots of the split in kReady holds the whole round (deterministic mode).
 struct alignas(kCacheLineBytes) SplitRound {

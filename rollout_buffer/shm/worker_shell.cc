@@ -50,7 +50,7 @@ WorkerShell::WorkerShell(WorkerProgram program)
   }
   if (program_.describes)
     flags_.add("--describe", is_description_,
-               "no run: says of what size its part of config.toml is, in one JSON object");
+               "no run: prints the size of its part of config.toml, as one JSON object");
 }
 
 const std::atomic<bool>& WorkerShell::stop() const { return stop_signalled; }

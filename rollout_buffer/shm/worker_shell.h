@@ -27,7 +27,7 @@ struct WorkerProgram {
   bool has_bench = true;    ///< it has --bench
 };
 
-/// What main() wants done, with the settings of <run_dir>/config.toml.
+/// What main() requires done, with the settings of <run_dir>/config.toml.
 struct WorkerJobs {
   std::function<Status(const RunConfig& config)> work;  ///< --arena: as a member of a run
   std::function<Status(const RunConfig& config, double seconds)> bench = {};  ///< --bench: alone

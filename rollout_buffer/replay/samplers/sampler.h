@@ -1,5 +1,5 @@
 // What is drawn next: units of a replay have serial numbers in the order of their coming, the oldest leave
-// first, and a sampler chooses among those that are there. It knows nothing of trajectories. Stage: sample.
+// first, and a sampler chooses among those that are there. It is independent of trajectories. Stage: sample.
 #pragma once
 
 #include <cstdint>

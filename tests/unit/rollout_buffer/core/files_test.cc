@@ -61,7 +61,7 @@ TEST_F(FilesTest, AWriteIntoAMissingFolderSaysWhere) {
 
 TEST_F(FilesTest, AWriteThatFailsHalfWayKeepsTheOldFile) {
   ASSERT_TRUE(write_file_atomically(path_, "old", true));
-  // A limit on the file size stands in for a full disk.
+  // A limit on the file size replaces a full disk.
   signal(SIGXFSZ, SIG_IGN);
   rlimit before{}, small{};
   getrlimit(RLIMIT_FSIZE, &before);

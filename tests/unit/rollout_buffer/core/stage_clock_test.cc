@@ -21,12 +21,12 @@ double seconds_of(const StageTotals& totals, Stage stage) {
   return 1e-9 * static_cast<double>(totals.cpu_ns[static_cast<std::size_t>(stage)]);
 }
 
-// One test: a process asks for its counters once.
+// One test: a process requests its counters once.
 TEST(StageClock, CountsOnlyWhereTheFolderIsThereAndOthersReadIt) {
   const test::ScratchFolder scratch;
   const std::string folder = scratch / "stages";
   ASSERT_TRUE(share_stages(folder, "sim-0"));
-  EXPECT_EQ(stage_counters(), nullptr) << "nobody made the folder";
+  EXPECT_EQ(stage_counters(), nullptr) << "the folder does not exist";
   EXPECT_FALSE(std::filesystem::exists(folder));
   {
     StageClock clock;

@@ -70,7 +70,7 @@ TEST(RateLimiter, TellsWhichInsertsWaitForTheirSamples) {
 TEST(RateLimiter, TheLongRunRatioIsTheOneAskedFor) {
   RateLimiter limiter({.samples_per_insert = 0.25, .min_size_to_sample = 64, .error_buffer = 300});
   ASSERT_TRUE(validate({.samples_per_insert = 0.25, .min_size_to_sample = 64, .error_buffer = 300}, 64, 256));
-  for (int i = 0; i < 20'000; ++i) {  // whoever may, goes: greedy on both sides
+  for (int i = 0; i < 20'000; ++i) {  // each side that may, goes: greedy
     const bool insert = limiter.can_insert(64), sample = limiter.can_sample(256);
     ASSERT_TRUE(insert || sample) << "they wait for each other";
     if (insert) limiter.inserted(64);

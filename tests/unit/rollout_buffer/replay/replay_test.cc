@@ -97,7 +97,7 @@ TEST(Replay, AJointStepHasTheAgentsOfOneWorldAndMoment) {
   TrajectoryShape shape = small_shape();
   shape.env.num_agents = 3;
   const auto replay = make(Unit::kJointStep, false, {.shape = shape, .capacity_bytes = 200'000});
-  // Every frame says where it is from; worlds come in mixed order.
+  // Every frame contains its origin; worlds come in mixed order.
   const SlabPool pool(shape, 1);
   const std::vector<int> worlds = {4, 1, 3, 0, 2, 5, 3, 1};
   for (const int world : worlds) {
@@ -285,7 +285,7 @@ TEST(ReplaySnapshot, DamagedPrioritiesLeaveAnEmptyReplayThatWorks) {
   const auto set = [](std::size_t word, auto value) {
     return [=](std::vector<std::byte>& bytes) { std::memcpy(bytes.data() + 8 * word, &value, 8); };
   };
-  // Says to be uniform (no priorities), and wants a tree that no memory holds.
+  // Claims to be uniform (no priorities), and requires a tree that no memory holds.
   const auto endless = [&](std::vector<std::byte>& bytes) {
     bytes.resize(8 * 6);
     set(1, INT64_MAX / 64)(bytes), set(3, INT64_MAX / 64)(bytes), set(4, int64_t{0})(bytes);

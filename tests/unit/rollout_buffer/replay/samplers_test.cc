@@ -191,7 +191,7 @@ TEST(PrioritizedSampler, ARestoredStateDrawsTheSame) {
 }
 
 // Spec 6.7: chi-square. 49 degrees of freedom; 85.35 is exceeded with probability 0.001.
-/// What several learners' weights are made of (learner/algorithms/q_learning.h): each draws equally many of its own units.
+/// What several learners' weights are made of (learner/algorithms/q_learning.h): each draws equally many units of its replay.
 TEST(PrioritizedSampler, SharesOfDrawsWithTheSmallestProbabilityOfAllHaveTheWeightsOfWhatIsReallyDrawn) {
   const std::vector<std::vector<float>> errors = {{0.1f, 2.0f, 0.5f}, {1.0f, 3.0f, 0.2f, 0.7f, 5.0f}};
   for (const double beta : {0.4, 1.0}) {

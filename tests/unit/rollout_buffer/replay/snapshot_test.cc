@@ -163,7 +163,7 @@ TEST(Snapshot, ADiskThatFillsUpLeavesTheOlderOne) {
   ASSERT_TRUE(store.save(folder / "replay").has_value());
   const std::string before = read_file(folder / "replay");
   append(store, 4, 3);
-  // A limit on the size of files stands in for the full disk.
+  // A limit on the size of files replaces the full disk.
   struct rlimit old {};
   ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &old), 0);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
@@ -237,7 +237,7 @@ TEST_F(DamagedSnapshot, BytesOfChanceAndBytesBehindTheEndAreRefused) {
     ASSERT_NE(error_of({noise.begin(), noise.end()}), "");
     ASSERT_NE(error_of(test::mutated(rng, sound_) + "x"), "");
   }
-  EXPECT_THAT(error_of(sound_ + "x"), HasSubstr("goes on behind its end"));
+  EXPECT_THAT(error_of(sound_ + "x"), HasSubstr("continues behind its end"));
   EXPECT_THAT(error_of(read_file("/proc/self/exe").substr(0, 100'000)), HasSubstr("damaged"));
 }
 

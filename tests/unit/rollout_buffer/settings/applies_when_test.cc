@@ -13,46 +13,46 @@ namespace comrad {
 namespace applies_when_test {
 
 /// Whether `setting` counts in a run with these settings over the built-in ones.
-bool counts(const char* setting, std::vector<std::pair<std::string, std::string>> values) {
+bool applies(const char* setting, std::vector<std::pair<std::string, std::string>> values) {
   RunConfig config;
   config.environment.num_agents = 2;
   const Status set = apply_layer(config, {"test", std::move(values)});
   EXPECT_TRUE(set) << set.error().message;
   const Status resolved = resolve_settings(config, 2);
   EXPECT_TRUE(resolved) << resolved.error().message;
-  return find_setting(setting)->counts(config);
+  return find_setting(setting)->applies(config);
 }
 
 TEST(AppliesWhen, TheFamilyOfTheAlgorithmDecides) {
-  EXPECT_FALSE(counts("n_step", {{"algo", "ippo"}}));
-  EXPECT_TRUE(counts("n_step", {{"algo", "vdn"}}));
-  EXPECT_TRUE(counts("ppo_clip_ratio", {{"algo", "happo"}, {"share_parameters", "false"}}));
-  EXPECT_FALSE(counts("ppo_clip_ratio", {{"algo", "idqn"}, {"use_rnn", "false"}}));
-  EXPECT_FALSE(counts("replay_gb", {{"algo", "mappo"}}));
-  EXPECT_TRUE(counts("replay_gb", {{"algo", "qmix"}}));
+  EXPECT_FALSE(applies("n_step", {{"algo", "ippo"}}));
+  EXPECT_TRUE(applies("n_step", {{"algo", "vdn"}}));
+  EXPECT_TRUE(applies("ppo_clip_ratio", {{"algo", "happo"}, {"share_parameters", "false"}}));
+  EXPECT_FALSE(applies("ppo_clip_ratio", {{"algo", "idqn"}, {"use_rnn", "false"}}));
+  EXPECT_FALSE(applies("replay_gb", {{"algo", "mappo"}}));
+  EXPECT_TRUE(applies("replay_gb", {{"algo", "qmix"}}));
 }
 
 TEST(AppliesWhen, OneAlgorithmMayBeTheOnlyOne) {
-  EXPECT_TRUE(counts("mappo_critic_view", {{"algo", "mappo"}}));
-  EXPECT_FALSE(counts("mappo_critic_view", {{"algo", "ippo"}}));
-  EXPECT_FALSE(counts("qmix_embed_dim", {{"algo", "vdn"}}));
-  EXPECT_TRUE(counts("qplex_num_kernel", {{"algo", "qplex_d"}}));
-  EXPECT_FALSE(counts("qplex_n_head", {{"algo", "qplex_d"}})) << "attention is qplex_q's";
-  EXPECT_TRUE(counts("qplex_n_head", {{"algo", "qplex_q"}}));
-  EXPECT_FALSE(counts("q_value_clamp", {{"algo", "idqn"}, {"use_rnn", "false"}}));
+  EXPECT_TRUE(applies("mappo_critic_view", {{"algo", "mappo"}}));
+  EXPECT_FALSE(applies("mappo_critic_view", {{"algo", "ippo"}}));
+  EXPECT_FALSE(applies("qmix_embed_dim", {{"algo", "vdn"}}));
+  EXPECT_TRUE(applies("qplex_num_kernel", {{"algo", "qplex_d"}}));
+  EXPECT_FALSE(applies("qplex_n_head", {{"algo", "qplex_d"}})) << "attention is qplex_q's";
+  EXPECT_TRUE(applies("qplex_n_head", {{"algo", "qplex_q"}}));
+  EXPECT_FALSE(applies("q_value_clamp", {{"algo", "idqn"}, {"use_rnn", "false"}}));
 }
 
 TEST(AppliesWhen, AnotherSettingMayDecide) {
-  EXPECT_FALSE(counts("rnn_size", {{"algo", "ippo"}, {"use_rnn", "false"}}));
-  EXPECT_FALSE(counts("per_omega", {{"algo", "vdn"}})) << "sequences have no priorities unless asked for";
-  EXPECT_TRUE(counts("per_omega", {{"algo", "vdn"}, {"per_sequences", "true"}}));
-  EXPECT_TRUE(counts("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}}));
-  EXPECT_FALSE(counts("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}, {"per", "false"}}));
-  EXPECT_FALSE(counts("n_step", {{"algo", "vdn"}, {"td_lambda", "0.8"}}));
-  EXPECT_FALSE(counts("train_every_decisions", {{"algo", "vdn"}, {"replay_ratio", "4"}}));
-  EXPECT_FALSE(counts("plr_alpha", {{"layout_pool", "train:10"}}));
-  EXPECT_TRUE(counts("plr_alpha", {{"layout_pool", "train:10"}, {"curriculum", "plr"}}));
-  EXPECT_FALSE(counts("layout_seed", {{"layout_pool", "train:10"}}));
+  EXPECT_FALSE(applies("rnn_size", {{"algo", "ippo"}, {"use_rnn", "false"}}));
+  EXPECT_FALSE(applies("per_omega", {{"algo", "vdn"}})) << "sequences have no priorities unless requested";
+  EXPECT_TRUE(applies("per_omega", {{"algo", "vdn"}, {"per_sequences", "true"}}));
+  EXPECT_TRUE(applies("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}}));
+  EXPECT_FALSE(applies("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}, {"per", "false"}}));
+  EXPECT_FALSE(applies("n_step", {{"algo", "vdn"}, {"td_lambda", "0.8"}}));
+  EXPECT_FALSE(applies("train_every_decisions", {{"algo", "vdn"}, {"replay_ratio", "4"}}));
+  EXPECT_FALSE(applies("plr_alpha", {{"layout_pool", "train:10"}}));
+  EXPECT_TRUE(applies("plr_alpha", {{"layout_pool", "train:10"}, {"curriculum", "plr"}}));
+  EXPECT_FALSE(applies("layout_seed", {{"layout_pool", "train:10"}}));
 }
 
 TEST(AppliesWhen, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
@@ -71,7 +71,7 @@ TEST(AppliesWhen, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
   for (const SettingRow& row : setting_rows()) {
     ASSERT_NE(row.traits.applies_when.holds, nullptr) << row.name;
     bool somewhere = false;
-    for (const auto& values : algorithms) somewhere |= counts(std::string(row.name).c_str(), values);
+    for (const auto& values : algorithms) somewhere |= applies(std::string(row.name).c_str(), values);
     EXPECT_TRUE(somewhere) << row.name << " applies with " << row.traits.applies_when.words;
   }
 }
@@ -127,7 +127,7 @@ TEST(Units, TheOldSizesOfAReplaysBatchCountWhereTheirUnitIsDrawn) {
     for (std::size_t unit = 0; unit < std::size(names); ++unit)
       for (const char* name : {names[unit].first, names[unit].second}) {
         RunConfig config;
-        // The name comes first: the whole layer says which run it is.
+        // The name comes first: the whole layer decides which run it is.
         ASSERT_TRUE(apply_layer(
             config,
             {"command line", {{name, "123"}, {"algo", runs[run].first}, {"use_rnn", runs[run].second}}}));

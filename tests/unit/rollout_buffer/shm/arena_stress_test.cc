@@ -1,5 +1,5 @@
 // Kills peers of an arena half way, again and again, and shows that nothing they held stays lost and nothing
-// that arrives is damaged. Simulators, the policy worker and the learner are processes of their own; each
+// that arrives is damaged. Simulators, the policy worker and the learner are their own processes; each
 // takes a random moment to die by SIGKILL. The parent plays the supervisor.
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
@@ -97,7 +97,7 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
       if (slot.slab_index >= static_cast<uint32_t>(arena.shape().slab_count)) broken("a slot names no slab");
       const SlabHeader& header = arena.slabs().header(static_cast<int>(slot.slab_index));
       if (header.state.load() != SlabState::kFilling || header.env_index != static_cast<uint32_t>(env))
-        broken("a request names a slab of somebody else");
+        broken("a request names another simulator's slab");
       arena.slabs().view(static_cast<int>(slot.slab_index)).value(static_cast<int>(slot.step), 0) =
           static_cast<float>(slot.step_id % 100'000);
       if (!advance(slot, SlotState::kInBatch, SlotState::kActed)) broken("a slot left a batch by itself");
@@ -140,7 +140,7 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
 pid_t start_peer(const Arena& arena, int peer) {
   const pid_t child = fork();
   if (child != 0) return child;
-  prctl(PR_SET_PDEATHSIG, SIGKILL);  // a failed test leaves nobody behind
+  prctl(PR_SET_PDEATHSIG, SIGKILL);  // a failed test leaves no process behind
   if (peer == kPolicyWorker) play_policy(arena);
   if (peer == kLearner) play_learner(arena);
   play_simulator(arena, peer);
@@ -231,7 +231,7 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
     ++weights_read;
   }
 
-  // Everybody dies; after the supervisor's last look every slab and slot is free again.
+  // All processes die; after the supervisor's last look every slab and slot is free again.
   for (const int peer : {kPolicyWorker, kLearner, 0, 1})
     EXPECT_TRUE(kill_peer(peers[peer])) << "peer " << peer;
   for (const int peer : {kPolicyWorker, kLearner, 0, 1}) reclaim(arena, peer);

@@ -26,7 +26,7 @@ using ::testing::ExitedWithCode;
 using ::testing::HasSubstr;
 using ::testing::KilledBySignal;
 
-/// A worker program of its own process for every run: the shell takes signals and the log, which are the process's.
+/// A worker program in a separate process for every run: the shell takes signals and the log, which are the process's.
 class WorkerShellTest : public ::testing::Test {
  protected:
   WorkerShellTest() { run_dir_.write("config.toml", settings_to_toml(RunConfig())); }
