@@ -15,7 +15,7 @@ namespace {
 constexpr int32_t kMonsterId = 700;
 constexpr int kDefender = 0, kRunner = 1;
 constexpr int kEnough = 150;  // bullets of the defender's that need no more
-constexpr int kUrgent = 40;   // so few, and the runner goes whatever stands in the way
+constexpr int kUrgent = 40;   // so few, and the runner goes whatever is in the way
 constexpr int kFullLoad = 150;
 constexpr double kHandOver = 220;  // the rules say 256
 constexpr double kDanger = 450;    // a monster so near to an item spoils it

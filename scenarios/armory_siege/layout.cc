@@ -300,7 +300,7 @@ double most_return(const LayoutTask& task) {
   // Weapons that lie about in a game of several can be taken once by everybody.
   const double most =
       team / task.num_agents + kWeapons + kRound * (kPistolRounds + kShotgunShells) + kAtLimit;
-  return std::ceil(most * 1000) / 1000;  // scenario.toml says it of the default map
+  return std::ceil(most * 1000) / 1000;  // scenario.toml contains it for the default map
 }
 
 /// What decides how hard a siege is to hold.

@@ -192,7 +192,7 @@ class Defenders final : public Oracle {
                        {here.x + (here.x - there.x) / far * 120, here.y + (here.y - there.y) / far * 120}, 96)
                    .value_or(goal);
       else if (item == nullptr && one.shotgun && one.shells >= 2 && far > 220)
-        goal = distance_between(core, there) < 420 ? there : goal;  // the shotgun wants it near
+        goal = distance_between(core, there) < 420 ? there : goal;  // the shotgun requires it near
       const Place ahead{there.x + doom::to_double(target->velocity_x) * 3,
                         there.y + doom::to_double(target->velocity_y) * 3};
       const double off = aim_at(player, body, bearing_degrees(here, ahead), buttons);

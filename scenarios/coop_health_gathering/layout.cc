@@ -226,7 +226,7 @@ double lowest_mean_health(const Supply& supply, int num_agents, int32_t limit_ti
 }
 
 /// The weakest of a real team is far below the mean, and by how much follows from no rule. What a team can bear is
-/// told by the default map: the mean may not fall much lower than it falls there. How much is measured: three scripted
+/// taken from the default map: the mean may not fall much lower than it falls there. How much is measured: three scripted
 /// agents live to the limit where it falls as low, and rarely where it falls to 0.91 of that (scenarios/POOLS.md).
 Status check_resources(const LayoutTask& task) {
   constexpr double kAsPublished = 0.93;

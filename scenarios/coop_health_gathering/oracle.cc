@@ -175,7 +175,7 @@ class Forager final : public Oracle {
     return order;
   }
 
-  /// A place beside the way of a partner that wants to pass; none: nobody does.
+  /// A place beside the way of a partner that is about to pass; none: there is none.
   std::optional<Place> aside_of(const doom::World& world, std::size_t agent, std::size_t other,
                                 Place goal) const {
     constexpr double kTouching = 72;
@@ -191,7 +191,7 @@ class Forager final : public Oracle {
     return goal;  // too narrow: ahead of it
   }
 
-  /// Nothing to take: beside the neighbour who knows where to go, or where most kits lie.
+  /// Nothing to take: beside the neighbour with a goal, or where most kits lie.
   Place fallback(const doom::World& world, const std::vector<Kit>& kits, const std::vector<Place>& goals,
                  const std::vector<bool>& decided, std::size_t agent) {
     const Place here = place_of(world.body(static_cast<int>(agent)));

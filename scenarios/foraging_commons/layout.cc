@@ -92,7 +92,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
 }
 
 /// Has the team the time to eat as much as hunger takes, and to give the field back what that and the decay
-/// cost it? In the long run the two must not ask for more of its time than there is, nor for more bonuses than
+/// cost it? In the long run the two must not need more of its time than there is, nor for more bonuses than
 /// grow. The numbers of script.acs, and some that were measured with the scripted team.
 Status check_resources(const LayoutTask& task) {
   constexpr double kDrainTics = 35, kDecayTics = 45, kSpawnTics = 15, kHeal = 2, kRates = 101;

@@ -93,7 +93,7 @@ class Foragers final : public Oracle {
     }
   }
 
-  /// Into the station just behind its door, each at a place of its own; out of it after each cleanup, and
+  /// Into the station just behind its door, each at its own place; out of it after each cleanup, and
   /// in again.
   Place cleaning_place(const doom::World& world, int agent) {
     Cleaner& one = cleaners_[static_cast<std::size_t>(agent)];

@@ -19,7 +19,7 @@ constexpr int32_t kTall = 1024;  // of all ceilings, so that no step hangs in th
 constexpr int32_t kFieldHalf = 1600, kFieldCells = 12'000;  // of organic outlines
 constexpr int32_t kRocksMax = 3, kRockTries = 40;
 constexpr int32_t kRockHeight = 32;  // nobody steps up so far, and nothing is hidden from the gallery
-constexpr int32_t kPathFloors = 8;   // that the script knows
+constexpr int32_t kPathFloors = 8;   // of the script
 constexpr int32_t kBlackWidth = 32, kBlackHeight = 20;  // of the pictures that cover the navigator's screen
 
 struct Paint {
@@ -71,7 +71,7 @@ int32_t path_nodes(int32_t start, int32_t side, const std::vector<int64_t>& rock
 }
 
 /// Rocks keep no path from its full size: from every free cell as many cells can be got to as the longest
-/// path asks for, or as there are without rocks.
+/// path requests, or as there are without rocks.
 bool paths_fit(const LayoutDraw& wanted, const std::vector<int64_t>& rocks) {
   const int32_t side = wanted.value32("side");
   const int32_t longest = std::max(wanted.value32("initial"), wanted.value32("maximum"));

@@ -181,7 +181,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
       .textures = bar_pictures()};
 }
 
-/// The published twelve stages. The first four are made by a generator of their own there, whose numbers of
+/// The published twelve stages. The first four are made by their own generator there, whose numbers of
 /// platforms and safe platforms are not known; here they are short chains with a long safe beginning.
 CurriculumRecipe curriculum() {
   return {.parameters = {"levels", "step", "spacing", "panels", "safe_min", "safe_max", "tether", "lava"},

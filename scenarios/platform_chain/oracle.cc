@@ -1,5 +1,5 @@
 // The scripted team of Platform Chain. One moves at a time: the one behind, or of two on the same platform
-// the one who came last, so that nobody stands in a runner's lane. A jump is begun only when the next
+// the one who came last, so that nobody is in a runner's lane. A jump is begun only when the next
 // platform will be low enough and free of panels and ceilings for as long as the pair needs it. Both look
 // east all the time and sidestep.
 #include <algorithm>
@@ -214,7 +214,7 @@ class Climbers final : public Oracle {
       phase_[who] = Phase::kRun;
       run_decisions_ = 0;
     }
-    if (speed_s < (s >= kJumpS - 10 ? 2.5 : 0.5) && run_decisions_++ > 2) {  // something stands in the way
+    if (speed_s < (s >= kJumpS - 10 ? 2.5 : 0.5) && run_decisions_++ > 2) {  // something is in the way
       phase_[who] = Phase::kWait;
       return;
     }
@@ -282,7 +282,7 @@ class Climbers final : public Oracle {
     if (rise > kRiseMax || rise < -kDropMax) return false;
     if (!panel_is_clear(world, i, tics + 12)) return false;
     const bool joins = index_[1 - who] >= next;
-    // To wait under a ceiling is no better than to go on under another one.
+    // To wait under a ceiling is no better than to continue under another one.
     if (to.is_crusher && safe_tics(to) < (joins ? 50 : from.is_crusher ? kVisitTics : need_tics(next)))
       return false;
     // From below a ceiling two in a row must make it onto a lift: the first one while it still sinks.

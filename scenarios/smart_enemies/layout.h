@@ -17,13 +17,13 @@ Expected<DrawnLayout> draw_arena(const LayoutDraw& draw);
 /// The most kills that a team can have: all demons that come while it can live, were each of them killed as it comes. The floor takes more than the kills bring back where demons come slowly.
 double most_kills(const LayoutTask& task);
 
-/// What a hunt asks of its hunters, in numbers of the game.
+/// What a hunt requires of its hunters, in numbers of the game.
 struct Hunt {
   double radius = 0;         ///< of the arena, units
   double reach = 0;          ///< units from a demon at which a party begins to fire
   double interval_tics = 0;  ///< between two demons
   int cap = 0;               ///< demons that live at a time; at the cap none comes
-  int parties = 0;           ///< hunters, or groups of them, each after a demon of its own
+  int parties = 0;           ///< hunters, or groups of them, each after its own demon
   int guns = 1;              ///< of a party
 
   /// How long a party is busy with one demon: it walks, turns by 90 degrees and fires. Demons flee until a wall

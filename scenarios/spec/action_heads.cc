@@ -141,7 +141,7 @@ Status change_heads(ScenarioSpec& spec, const std::string& text) {
       if (std::ranges::count(known, name) == 0)
         return refuse("scenario " + spec.name + " does not give the agent " + name + "; it has " +
                       joined(known));
-      if (std::ranges::count(head.buttons, choice) > 0) return refuse(choice + " stands in one head twice");
+      if (std::ranges::count(head.buttons, choice) > 0) return refuse(choice + " is in one head twice");
       head.buttons.push_back(choice);
     }
     if (head.buttons.size() > kMostChoices)

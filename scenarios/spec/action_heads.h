@@ -1,4 +1,4 @@
-// Heads that somebody wants in place of a scenario's own, and those that a list of buttons makes. Stage: what an action means.
+// Heads that a user requests in place of a scenario's, and those that a list of buttons makes. Stage: what an action means.
 #pragma once
 
 #include <string>

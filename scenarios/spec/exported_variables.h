@@ -1,4 +1,4 @@
-// What a scenario's script tells the world outside: its global variables 1 to 60, which ViZDoom calls USER1 to USER60,
+// What a scenario's script exports: its global variables 1 to 60, which ViZDoom calls USER1 to USER60,
 // with the names that [exports] of scenario.toml gives them, and what reads them.
 #pragma once
 

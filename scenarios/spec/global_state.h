@@ -10,7 +10,7 @@
 
 namespace comrad::scenarios {
 
-/// What is told of each agent, in this order: map units, map units a tic, points of health; `alive` is 0 or 1.
+/// The state of each agent, in this order: map units, map units a tic, points of health; `alive` is 0 or 1.
 constexpr const char* kAgentStateNames[] = {
     "x", "y", "z", "cos_angle", "sin_angle", "velocity_x", "velocity_y", "velocity_z", "health", "alive"};
 

@@ -16,7 +16,7 @@ namespace comrad::scenarios {
 namespace {
 
 constexpr uint64_t kOneInIsForEvaluation = 10;
-constexpr int kDrawsPerMapOfAll = 10;      // a sample with fewer draws a map says nothing about "all"
+constexpr int kDrawsPerMapOfAll = 10;      // a sample with fewer draws a map is no evidence about "all"
 constexpr double kLnOfTwenty = 2.9957323;  // 95 % confidence
 
 /// Numbers and words in a row, parted so that no two rows read the same.
@@ -87,7 +87,7 @@ std::string without_comments(std::string_view script) {
   return text;
 }
 
-/// Is `name` in the script as a word of its own? ACS knows names in any case of letters.
+/// Is `name` in the script as its own word? ACS ignores the case of names.
 bool names(std::string_view script, std::string_view name) {
   const auto same = [](char a, char b) {
     return std::toupper(static_cast<unsigned char>(a)) == std::toupper(static_cast<unsigned char>(b));

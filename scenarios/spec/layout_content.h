@@ -1,4 +1,4 @@
-// What a layout is to those who play it: a hash of its geometry, its things and the numbers its script gets,
+// What distinguishes layouts in play: a hash of its geometry, its things and the numbers its script gets,
 // which ignores the seed and everything that is written down beside the map. Pools are parted by it, so that
 // no map is ever in a pool for training and in one for evaluation, whatever parameters drew them.
 #pragma once
@@ -14,7 +14,7 @@
 namespace comrad::scenarios {
 
 /// The content of a WAD's first map: lines with their sides, sectors and things, the same in the UDMF and in
-/// the Hexen format, with and without nodes; and what its script is told. Of a map that was drawn by a recipe
+/// the Hexen format, with and without nodes; and its script's numbers. Of a map that was drawn by a recipe
 /// these are the numbers in front of script.acs that the script names, LAYOUT_SEED left out: a script may use
 /// the seed to vary its episodes, but that makes no other map of it. Of any other map it is BEHAVIOR.
 /// Fields that the Hexen format has no place for (light colours, line ids) do not count: maps that differ in

@@ -1,4 +1,4 @@
-// What a generated WAD says about itself: scenario, seed and parameters, as TOML text in the lump COMRAD.
+// A generated WAD's description of itself: scenario, seed and parameters, as TOML text in the lump COMRAD.
 // Scripts have the numbers compiled in; engines that do not know the lump skip it.
 #pragma once
 
@@ -36,7 +36,7 @@ struct LayoutInfo {
 /// The lump's text.
 std::string write_layout_info(const LayoutInfo& info);
 
-/// That the WAD at `path`, which says `info` of itself, is a map of `scenario`. Errors: kBadInput with two ways out.
+/// That the WAD at `path`, whose description is `info`, is a map of `scenario`. Errors: kBadInput with two ways out.
 Status check_scenario(const LayoutInfo& info, const std::string& scenario, const std::string& path);
 
 /// Reads the lump's text. Errors: kBadFormat with line and column.

@@ -89,13 +89,13 @@ Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const
   for (const LayoutParameter& parameter : recipe.parameters) names.push_back(parameter.name);
   return Error{ErrorCode::kBadInput,
                "scenario " + scenario + ": " + std::to_string(request.count) + " layouts for " +
-                   (for_evaluation ? "evaluation" : "training") + " were asked for, but " +
+                   (for_evaluation ? "evaluation" : "training") + " were requested, but " +
                    std::to_string(tally.draws) + " draws gave only " + std::to_string(found) +
                    " distinct ones (" + std::to_string(tally.other_pool) + " draws belong to " +
                    (for_evaluation ? "training" : "evaluation") + ", " + std::to_string(tally.repeated) +
                    " were repetitions). For more, " + (more.empty() ? "" : more + ", or ") +
                    "give other values with --set NAME=VALUE: " + joined(names) +
-                   "; or ask for fewer with --count"};
+                   "; or draw fewer with --count"};
 }
 
 /// Makes a pool's folder without a registry, which is written when all files are there. Gives its path.
@@ -116,7 +116,7 @@ std::string file_stem(std::string scenario) {
 
 /// What is wrong with one layout for this use; empty: nothing. The entry learns its ceilings from its file,
 /// `contents` gets its content; `splits` are those of the scenarios met so far. `version` is the scenario's; a map that was drawn
-/// for another one says ceilings of that one, which are worked out anew.
+/// for another version has its ceilings, which are computed again.
 Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scenario, int version,
                    std::map<uint64_t, std::string>& contents, std::map<std::string, ContentSplit>& splits) {
   const std::string where = entry.id + " (" + entry.filename + "): ";
@@ -125,7 +125,7 @@ Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scen
   if (!bytes) return bad(bytes.error().code, "cannot be read; draw the pool again or correct its registry");
   if (entry.content_hash != 0 && doomgen::content_hash(*bytes) != entry.content_hash)
     return bad(ErrorCode::kBadFormat, "is not the file that " + std::string(kPoolRegistryName) +
-                                          " tells of (its content_hash is another); draw the pool again");
+                                          " names (content_hash differs); draw the pool again");
   const auto wad = wad::WadFile::from_bytes({bytes->begin(), bytes->end()}, entry.filename);
   if (!wad) return bad(wad.error().code, wad.error().message);
   LayoutInfo info = entry.info;
@@ -150,7 +150,7 @@ Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scen
     if (!content) return bad(content.error().code, content.error().message);
     if (entry.map_hash != 0 && entry.map_hash != *content)
       return bad(ErrorCode::kBadFormat, "its map is not the one that " + std::string(kPoolRegistryName) +
-                                            " tells of (its map_hash is another); draw the pool again");
+                                            " names (map_hash differs); draw the pool again");
     const auto [same, is_new] = contents.emplace(*content, entry.id);
     if (!is_new && !entry.split.empty() && entry.stage.empty())
       return bad(ErrorCode::kBadFormat,

@@ -1,5 +1,5 @@
 // Pools of layouts: directories of WADs with a registry, for training and for evaluation. The two never share
-// a map: its content (layout_content.h) says which of them it belongs to, whatever seed and parameters drew it.
+// a map: its content (layout_content.h) decides which of them it belongs to, whatever seed and parameters drew it.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 namespace comrad::scenarios {
 
 /// kCurriculum: the stages that a recipe names, in their order; they are for training.
-/// kGrid: somebody's product of options, which belongs to neither.
+/// kGrid: a user's product of options, which belongs to neither.
 enum class PoolKind { kTrain, kEval, kCurriculum, kGrid };
 
 struct PoolRequest {
@@ -34,11 +34,11 @@ struct PoolEntry {
   std::string id;             ///< `<scenario>_<seed>`, the file's stem
   std::string filename;       ///< below the pool's folder
   uint64_t content_hash = 0;  ///< of the file
-  uint64_t map_hash = 0;      ///< layout_content() of it; 0 where the registry does not say
+  uint64_t map_hash = 0;      ///< layout_content() of it; 0 where the registry does not report it
   LayoutInfo info;
   std::vector<std::pair<std::string, std::string>> axis_choices;  ///< axis, option as "name=value name=value"
   int retries = 0;
-  std::string split = {};     ///< "train" or "eval"; empty where nothing says so
+  std::string split = {};     ///< "train" or "eval"; empty where it is unknown
   std::string stage = {};     ///< of a curriculum
   double metric_scale = 0.0;  ///< what scores are divided by to be compared between layouts; 0: nothing
 };
@@ -110,7 +110,7 @@ struct PoolUse {
 
 /// Reads a pool and every file of it: that they are there, have the registry's hashes, hold a map of the
 /// scenario with enough starts and resources, are no evaluation layouts where training is meant (by what the
-/// registry says and by their content), and are all different where the pool is one for training or evaluation.
+/// registry lists and by their content), and are all different where the pool is one for training or evaluation.
 /// Gives what a run reads. Errors: those of read_pool(); kNotFound, kBadFormat and kBadInput naming layout and file.
 Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use);
 

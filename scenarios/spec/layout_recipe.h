@@ -96,7 +96,7 @@ struct LayoutRecipe {
   std::vector<LayoutParameter> parameters;
   /// One attempt; an error (of the map's own checks, of the scenario's rules) means "next seed".
   Expected<DrawnLayout> (*draw)(const LayoutDraw& draw) = nullptr;
-  const char* players_parameter = nullptr;  ///< which parameter says how many starts the map has, if one does
+  const char* players_parameter = nullptr;  ///< which parameter sets how many starts the map has, if any
   std::vector<LayoutAxis> axes = {};
   /// What pools that vary set beside their axes. Grids, single maps and published maps keep the defaults.
   std::vector<std::pair<const char*, int64_t>> pool_values = {};

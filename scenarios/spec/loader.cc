@@ -33,7 +33,7 @@ std::string place(const std::string& path, const toml::source_region& where) {
   return path + ":" + std::to_string(where.begin.line) + ":" + std::to_string(where.begin.column);
 }
 
-/// Reads one table key by key. finish() reports, in this order, a key that nobody asked for (it may be a misspelt one that
+/// Reads one table key by key. finish() reports, in this order, an unknown key (it may be a misspelt one that
 /// is missing), a key that is missing, and the first wrong value.
 class TableReader {
  public:
@@ -109,7 +109,7 @@ class TableReader {
   void fail(const toml::source_region& where, const std::string& what) {
     if (status_) status_ = error_at(where, what);
   }
-  /// Keys that are read later, so that finish() knows them.
+  /// Keys that are read later, so that finish() accepts them.
   void expect(const std::vector<std::string>& keys) { asked_.insert(keys.begin(), keys.end()); }
   /// Whether the table has the key.
   bool has(const char* key) const { return table_.contains(key); }
@@ -135,7 +135,7 @@ class TableReader {
   void note_missing(const char* key) {
     if (!inherits_ && !has(key)) missing_.emplace_back(key);  // else its value is wrong
   }
-  /// In the order of the file; null where each was asked for.
+  /// In the order of the file; null where each was requested.
   const toml::key* first_unknown_key() const {
     const toml::key* first = nullptr;
     for (const auto& [key, value] : table_) {
@@ -384,7 +384,7 @@ bool read_recipe(TableReader& root, const std::string& preset, const std::string
   for (const auto& [key, node] : table) {
     const std::string name(key.str());
     if (std::count(kChooseARecipe.begin(), kChooseARecipe.end(), name) > 0) {
-      root.fail(key.source(), "'" + name + "' chooses the recipe and cannot stand in one; take it out");
+      root.fail(key.source(), "'" + name + "' chooses the recipe and cannot be part of one; remove it");
       return false;
     }
     const SettingsLayer one{training.origin, {{name, toml_scalar_text(node).value_or("")}}};

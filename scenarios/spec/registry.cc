@@ -52,7 +52,7 @@ Expected<int64_t> parse_number(const std::string& name, const std::string& text)
   return value;
 }
 
-/// Those of the recipe, over them what the scenario sets, over them what is asked for.
+/// Those of the recipe, over them what the scenario sets, over them what is requested.
 Expected<ParameterValues> parameter_values(const ScenarioSpec& spec, const LayoutRecipe& recipe,
                                            const LayoutRequest& request) {
   ParameterValues values;
@@ -168,14 +168,14 @@ Status write_wad(const ScenarioSpec& spec, const LayoutRequest& request, const D
 /// A scenario without a recipe brings its map along.
 Expected<GeneratedLayout> ready_made(const ScenarioSpec& spec, const LayoutRequest& request) {
   if (!request.parameters.empty())
-    return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has a map of its own (" + spec.wad +
+    return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has its own map (" + spec.wad +
                                            ") and no layout parameter '" + request.parameters[0].first + "'"};
   if (!request.as.empty())
-    return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has a map of its own (" + spec.wad +
+    return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has its own map (" + spec.wad +
                                            "); --as is for maps that are drawn, copy this one"};
   GeneratedLayout layout;
   layout.file = spec.folder + "/" + spec.wad;
-  // A cfg without a WAD of its own plays a map of the IWAD.
+  // A cfg without its own WAD plays a map of the IWAD.
   COMRAD_TRY_ASSIGN(layout.wad, read_scenario_file(layout.file, spec.is_vizdoom ? 256 : 16));
   if (!layout.wad.starts_with("PWAD") && !layout.wad.starts_with("IWAD"))
     return Error{ErrorCode::kBadFormat, layout.file + ": is no WAD"};

@@ -26,7 +26,7 @@ struct LayoutRequest {
   std::vector<std::pair<std::string, std::string>> parameters = {};
   MapFormat format = MapFormat::kUdmf;
   bool nodes = false;   ///< run zdbsp; the bytes then depend on its version
-  std::string as = {};  ///< the scenario whose map it says it is; empty: the one that draws it
+  std::string as = {};  ///< the scenario whose map it claims to be; empty: the one that draws it
 };
 
 /// `base` with the seed and the parameters of a stage of `curriculum`.

@@ -10,7 +10,7 @@
 //
 //   reward += weight * clip(amount, +-cap)      (cap 0: no clip; per_agent: weight / N)
 //
-// A term with `when` or `unless` pays only in decisions that these variables allow; what it remembers goes on
+// A term with `when` or `unless` pays only in decisions that these variables allow; what it remembers continues
 // all the same.
 //
 // "Before" starts at the true value at reset, so the first decision pays for what happened in it and

@@ -1,4 +1,4 @@
-// A scenario as data: everything scenario.toml says. One loader reads it; nothing about a scenario stands
+// A scenario as data: everything in scenario.toml. One loader reads it; nothing about a scenario stands
 // elsewhere than in its folder. Stage: what a frame, an action and a reward mean.
 #pragma once
 
@@ -26,7 +26,7 @@ struct ActionHead {
       buttons;  ///< as parse_press() reads them: MOVE_FORWARD, TURN_LEFT_RIGHT_DELTA=-10, ...
 };
 
-/// How the engine plays the map. The defaults are those of the folders with a scenario.toml; a ViZDoom .cfg says its own.
+/// How the engine plays the map. The defaults are those of the folders with a scenario.toml; a ViZDoom .cfg has its own.
 struct GameRules {
   int skill = 3;
   bool no_monsters = false, deathmatch = false, infinite_ammo = false;
@@ -58,7 +58,7 @@ struct RewardTerm {
   std::string variable;
   int agent_stride = 0;       ///< agent i reads USER(k + i * stride): one global for each player
   std::string kind;           ///< delta, rise, fall, new_max, value, event
-  Schedule weight = 0.0;      ///< a scenario says a number; --reward may say one over env frames
+  Schedule weight = 0.0;      ///< a scenario sets a number; --reward may say one over env frames
   std::string scope = "own";  ///< own | team (a team variable; weight is divided by N when per_agent)
   double cap = 0.0;           ///< 0: none
   bool per_agent = false;     ///< divide the weight by N
@@ -81,7 +81,7 @@ struct ScenarioExport {
 };
 
 constexpr int kTicsPerDecision = 4;       ///< what decision limits are counted in
-constexpr int kEngineLimitTics = 21'000;  ///< ten minutes, after which no episode goes on
+constexpr int kEngineLimitTics = 21'000;  ///< ten minutes, after which no episode continues
 
 /// A whole number that scenario.toml gives something of another file, by name.
 struct NamedNumber {
@@ -93,7 +93,7 @@ struct NamedNumber {
 struct ScenarioSpec {
   std::string name, title, summary;  ///< the name of a variant is "stag_hunt_arena@reference"
   int version =
-      1;  ///< goes up where maps, rules or rewards change, so that results of another one are told apart
+      1;  ///< goes up where maps, rules or rewards change, so that results of different versions are distinguished
   int difficulty = 0;
   int default_agents = 2;
   std::vector<int> supported_agents;
@@ -108,8 +108,8 @@ struct ScenarioSpec {
   std::string score_divisor;         ///< a game variable that J is divided by (1 where it is 0); empty: none
   std::string score_unit = "count";  ///< of J: tics, decisions, kills, share, reward or count
   double ceiling = 0.0;              ///< the best J on the default map of the default team; 0: not known
-  bool maps_say_ceiling = true;      ///< false: `ceiling` holds for every map and team, whatever the map says
-  std::string wad;                   ///< a scenario without recipe: its map, in `folder`
+  bool maps_say_ceiling = true;  ///< false: `ceiling` holds for every map and team, whatever the map contains
+  std::string wad;               ///< a scenario without recipe: its map, in `folder`
   std::vector<ScenarioExport>
       exports;  ///< in the order of the file; all variables below are by ViZDoom's names
   std::vector<MeasurementTerm> measurements;

@@ -14,7 +14,7 @@ std::string declaration(const ScenarioExport& one) {
   return "global int " + std::to_string(one.user) + ":" + one.name + ";";
 }
 
-/// The declarations, each in the line of scenario.toml that asks for it.
+/// The declarations, each in the line of scenario.toml that requests it.
 [[maybe_unused]] std::string at_their_lines(const std::vector<ScenarioExport>& exports) {
   std::string text;
   int line = 1;

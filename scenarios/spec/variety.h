@@ -13,7 +13,7 @@
 
 namespace comrad::scenarios {
 
-/// The parameter; `what` says what the seed varies.
+/// The parameter; `what` describes what the seed varies.
 constexpr LayoutParameter variety_parameter(const char* what) { return {"variety", 0, 0, 1, what, true}; }
 
 /// The parameter of recipes that were published with walls along the cells of a random field.
@@ -37,7 +37,7 @@ inline int32_t stepped(int32_t low, int32_t high, int32_t step, Rng& rng) {
   return low + step * rng.between(0, (high - low) / step);
 }
 
-/// A box whose sides are bent: every side has `bends` corners of its own, each moved across it by up to `in`
+/// A box whose sides are bent: every side has `bends` corners, each moved across it by up to `in`
 /// units inwards or `out` outwards; the box's corners stay. Bends must lie further apart than `in`.
 inline doomgen::Polygon bent_box(const doomgen::Box& box, int bends, int32_t in, int32_t out, Rng& rng) {
   const doomgen::Polygon corners = box.polygon();

@@ -524,7 +524,7 @@ class ConfigReader {
     rules.allow_jump = !flags.has(kNoJump);
     rules.allow_crouch = !flags.has(kNoCrouch);
     config_->forced_respawn = flags.has(kForceRespawn) && !flags.has(kNoRespawn);
-    // A network game waits a second unless it is told otherwise, and one tic at least.
+    // A network game waits a second by default, and one tic at least.
     config_->respawn_delay_tics =
         rules.network_game ? std::max(respawn_tics.value_or(kTicRateHz), 1) : respawn_tics.value_or(0);
     return {};

@@ -56,7 +56,7 @@ struct VizdoomConfig {
   int host_count = 0;  ///< players that -host waits for; 0: not said, no network game
   VizdoomBuffers buffers;
   std::vector<std::string> warnings;         ///< "path:line: ..." of what is not understood or not served
-  std::vector<std::string> buffer_warnings;  ///< the same of `buffers`, for whom they are not served
+  std::vector<std::string> buffer_warnings;  ///< the same of `buffers`, where they are not served
 };
 
 /// Reads a cfg file. Errors: kNotFound; kBadFormat as "path:line: what"; kBadInput for a value out of range.

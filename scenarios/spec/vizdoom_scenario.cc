@@ -96,7 +96,7 @@ Expected<std::string> map_wad(const VizdoomConfig& config, const std::string& iw
                                          "there, or correct the line"};
 }
 
-/// How many players find a start: of their own, or one for deathmatch.
+/// How many players find a start: their own, or one for deathmatch.
 Expected<int> most_players(const wad::WadFile& wad, const std::string& map_name) {
   COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(map_name));
   const std::string label = wad.path() + " " + map_name;

@@ -6,7 +6,7 @@
 //   living_reward               MAP_TICS, delta          death_penalty, death_reward    DEATHCOUNT, event
 //   map_exit_reward             MAP_EXIT, event          kill_reward ...                the variable's delta
 //   health_reward, armor_reward the variable's rise
-//   episode_timeout             truncates                 death of a player who is alone, end of the map: terminate
+//   episode_timeout             truncates                 death of the only player, end of the map: terminate
 //
 // The score J is the return, whose ceiling is not known. Stage: what a frame, an action and a reward mean.
 #pragma once

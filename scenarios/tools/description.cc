@@ -246,7 +246,8 @@ std::string description_text(const Json& description) {
          table("Measurements, with --use_additional_input", measurements) +
          table("Exported variables: number, name in [exports], read by, meaning", exported) +
          table("Layout parameters: default, range, meaning", parameters) +
-         table("Training settings of its own", training) + table("Not understood, or not served", warnings);
+         table("The scenario's training settings", training) +
+         table("Not understood, or not served", warnings);
 }
 
 }  // namespace comrad::scenarios

@@ -1,4 +1,4 @@
-// What `comrad scenarios describe` says of a scenario: one JSON object for programs (the launcher reads a part of it), or the
+// What `comrad scenarios describe` states of a scenario: one JSON object for programs (the launcher reads a part of it), or the
 // same as text.
 #pragma once
 

@@ -100,7 +100,7 @@ int show(int argc, char** argv) {
   return drawn ? 0 : report(drawn.error());
 }
 
-/// ", 190 distinct maps"; empty where the registry does not say.
+/// ", 190 distinct maps"; empty where the registry does not report it.
 std::string distinct_words(const std::vector<scenarios::PoolEntry>& entries) {
   std::set<uint64_t> maps;
   for (const scenarios::PoolEntry& entry : entries) maps.insert(entry.map_hash);
@@ -293,7 +293,7 @@ int run(int argc, char** argv) {
   CLI::Option* as_option =
       app.add_option("--as", request.as,
                      "the scenario of your own that the map is for (its name): the map and its script "
-                     "stay, and your scenario.toml, with wad = the file, says what is paid")
+                     "stay, and your scenario.toml, with wad = the file, defines what is paid")
           ->excludes(pool_option);
   int draws = 0;
   app.add_option(

@@ -67,7 +67,7 @@ int run(int argc, char** argv) {
   describe_command->add_option("--num_agents", num_agents, "agents; 0: the scenario's default")
       ->check(CLI::Range(0, kMaxAgents));
   describe_command->add_option("--heads", heads,
-                               "action heads in place of its own, as MOVE_LEFT,MOVE_RIGHT;ATTACK");
+                               "action heads in place of the scenario's, as MOVE_LEFT,MOVE_RIGHT;ATTACK");
   for (CLI::App* one : {&app, list_command, describe_command})
     one->add_flag("--json", as_json, "one JSON object on one line");
   app.require_subcommand(0, 1);
@@ -84,7 +84,7 @@ int run(int argc, char** argv) {
                                    "' is neither list nor describe nor --gallery; did you mean `comrad " +
                                    "scenarios describe " + gallery.scenarios[0] + "`?"});
   if (!*describe_command) return list(as_json);
-  // A name that no scenario has may be a folder's; "folder" tells programs, which go on elsewhere.
+  // A name that no scenario has may be a folder's; "folder" lets programs continue elsewhere.
   std::string folder;
   if (const std::string here = "./" + name; !names_vizdoom_config(name) &&
                                             !scenarios::find_scenario_folder(name) &&

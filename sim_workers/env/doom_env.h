@@ -1,5 +1,5 @@
 // The Doom environment: N agents in one world, factorised actions held for frame_skip tics, rewards from the
-// scenario's terms, endings told apart. A set of them shares the level, the actor types and one renderer.
+// scenario's terms, endings by kind. A set of them shares the level, the actor types and one renderer.
 // Stage: tic > render > step.
 #pragma once
 
@@ -41,8 +41,8 @@ struct DoomGame {
   ActionMap actions;
 };
 
-/// The layouts of a pool as games, loaded when they are first asked for; of more than kGamesKept the one that
-/// was not asked for longest is forgotten. Environments of a set share it. Threads: one.
+/// The layouts of a pool as games, loaded on first use; of more than kGamesKept the one that
+/// was unused longest is dropped. Environments of a set share it. Threads: one.
 class LayoutLibrary {
  public:
   static constexpr std::size_t kGamesKept = 64;
@@ -53,13 +53,13 @@ class LayoutLibrary {
   int size() const { return static_cast<int>(options_.layouts.size()); }
   /// Errors: kBadInput for an index outside the pool; those of load_doom_game() and Renderer::prepare().
   Expected<std::shared_ptr<const DoomGame>> game(int layout_index);
-  /// Whose art is loaded with a level from now on; null: nobody's.
+  /// Whose art is loaded with a level from now on; null: none.
   void draw_with(doom::Renderer* renderer) { renderer_ = renderer; }
 
  private:
   struct Kept {
     std::shared_ptr<const DoomGame> game;
-    uint64_t asked = 0;  ///< when it was last asked for
+    uint64_t asked = 0;  ///< when it was last used
   };
   explicit LayoutLibrary(const EnvironmentOptions& options) : options_(options) {}
   EnvironmentOptions options_;
@@ -81,7 +81,7 @@ class TicWatcher {
 };
 
 /// One environment. Time limits are tics: decision_limit counts decisions of 4 tics whatever frame_skip is,
-/// and the engine's own clock of 10 minutes ends everything; both truncate. A .cfg's timeout stands in place of both.
+/// and the engine's own clock of 10 minutes ends everything; both truncate. A .cfg's timeout is in place of both.
 class DoomEnvironment final : public Environment {
  public:
   explicit DoomEnvironment(std::shared_ptr<const DoomGame> game);
@@ -104,7 +104,7 @@ class DoomEnvironment final : public Environment {
   std::span<const double> exact_reward() const { return exact_reward_; }
   uint64_t state_hash() const override;
 
-  /// Who sees its tics; null: nobody. Not owned.
+  /// Observer of its tics; null: none. Not owned.
   void show_to(TicWatcher* watcher) { watcher_ = watcher; }
   /// What each agent [N] holds down since the last step began.
   std::span<const doom::Buttons> pressed() const { return buttons_; }
@@ -178,7 +178,7 @@ class DoomEnvironmentSet final : public EnvironmentSet {
 /// make_doom_environments() by its own type.
 Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options);
 
-/// What draws the views of a game as its scenario says, at a size, with the art of its IWAD and of `wads`; the game's level
+/// What draws the views of a game as its scenario defines, at a size, with the art of its IWAD and of `wads`; the game's level
 /// is prepared. Errors: those of ArtArchive::open(), Renderer::create() and Renderer::prepare().
 Expected<std::unique_ptr<doom::Renderer>> make_renderer(const DoomGame& game,
                                                         const std::vector<std::string>& wads, ViewSize size,

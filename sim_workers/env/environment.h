@@ -21,7 +21,7 @@ struct ObservationTarget {
   float* measurement = nullptr;     ///< [N, M]; may be null when M = 0
   uint8_t* action_mask = nullptr;   ///< [N, A]
   uint8_t* agent_active = nullptr;  ///< [N]
-  float* global_state = nullptr;    ///< [S]; may be null where nobody asked
+  float* global_state = nullptr;    ///< [S]; may be null where it is unused
 };
 
 /// What one decision brought.
@@ -43,7 +43,7 @@ class Environment {
   virtual Status choose_layout(int layout_index) {
     if (layout_index == 0) return {};
     return Error{ErrorCode::kBadInput,
-                 "layout " + std::to_string(layout_index) + " of a set that plays one map was asked for"};
+                 "layout " + std::to_string(layout_index) + " of a set that plays one map was requested"};
   }
   /// Where the run that plays here stands, for weights of rewards that change with it. Never called in evaluations.
   virtual void set_env_frames(uint64_t /*env_frames*/) {}

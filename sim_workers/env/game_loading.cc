@@ -18,7 +18,7 @@ namespace {
 
 Error bad_input(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
 
-/// What the WAD says of itself; a WAD of somebody else's says nothing, and the rules use their defaults.
+/// The WAD's description of itself; a foreign WAD has none, and the rules use their defaults.
 Expected<scenarios::LayoutInfo> read_layout_info(const wad::WadFile& wad, const std::string& scenario) {
   scenarios::LayoutInfo info;
   info.scenario = scenario;
@@ -30,8 +30,8 @@ Expected<scenarios::LayoutInfo> read_layout_info(const wad::WadFile& wad, const 
   return parsed;
 }
 
-/// What messages call the WAD at `path`. A run plays its own copy of a map that a scenario brings along; its author knows
-/// the file in the scenario's folder, as long as both are the same.
+/// What messages call the WAD at `path`. A run plays its own copy of a map that a scenario brings along; messages name
+/// that file in the scenario's folder, as long as both are the same.
 std::string name_for_messages(const std::string& path, const scenarios::ScenarioSpec& spec) {
   if (spec.wad.empty()) return path;
   const std::string original = spec.folder + "/" + spec.wad;
@@ -66,7 +66,7 @@ Expected<std::shared_ptr<LayoutLibrary>> LayoutLibrary::create(const Environment
 
 Expected<std::shared_ptr<const DoomGame>> LayoutLibrary::game(int layout_index) {
   if (layout_index < 0 || layout_index >= size())
-    return bad_input("layout " + std::to_string(layout_index) + " was asked for; the pool has " +
+    return bad_input("layout " + std::to_string(layout_index) + " was requested; the pool has " +
                      std::to_string(size()));
   ++clock_;
   if (const auto kept = games_.find(layout_index); kept != games_.end()) {
@@ -125,10 +125,10 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   game->use_global_state = options.use_global_state;
   COMRAD_TRY_ASSIGN(game->actions, ActionMap::create(game->spec.heads));
 
-  // Of several players who may come back, each does, as ViZDoom's multiplayer programs have it.
+  // Of several players that may respawn, each does, as ViZDoom's multiplayer programs have it.
   game->spec.respawn |= game->spec.rules.lone_death_ends && options.num_agents > 1;
 
-  if (!game->spec.is_vizdoom) {  // a cfg may play anybody's map
+  if (!game->spec.is_vizdoom) {  // a cfg may play any map
     COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.maps_of));
     if (game->layout.version != game->spec.maps_version && !game->layout.parameters.empty()) {
       spdlog::warn(
@@ -146,7 +146,7 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   if (const std::vector<std::string> maps = wad.map_names(); maps.size() == 1) game->spec.map = maps[0];
   COMRAD_TRY_ASSIGN(GameContent content,
                     load_game_content(wad, game->spec.map, decorate_name(wad, game->spec)));
-  // A map that somebody brought along may do without scripts; a generated one without them is a broken build.
+  // A map from outside may do without scripts; a generated one without them is a broken build.
   if (content.behavior == nullptr && game->spec.wad.empty())
     return Error{ErrorCode::kUnsupported,
                  wad.path() + ": its map has no scripts (BEHAVIOR), which hold the rules of scenario " +
@@ -161,7 +161,7 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
     start_count += std::any_of(
         game->level->things.begin(), game->level->things.end(),
         [&](const doom::MapThing& thing) { return doom::player_of_start(thing.editor_number) == player; });
-  // Whoever has none begins at a deathmatch start, one each.
+  // A player without one begins at a deathmatch start, one each.
   const auto deathmatch_starts = static_cast<int>(std::count_if(
       game->level->things.begin(), game->level->things.end(),
       [](const doom::MapThing& thing) { return thing.editor_number == doom::kDeathmatchStart; }));

@@ -112,7 +112,7 @@ double read_variable(const doom::World& world, int player, const scenarios::Game
       return world.level_exited();
     case VariableKind::kOne:
       return 1.0;
-    case VariableKind::kTerminated:  // the environment knows (doom_env.cc)
+    case VariableKind::kTerminated:  // set by the environment (doom_env.cc)
     case VariableKind::kTruncated:
     case VariableKind::kFirst:
       return 0.0;

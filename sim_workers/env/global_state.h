@@ -1,4 +1,4 @@
-// Reads the true state of a world (scenarios/spec/global_state.h says what it is made of) for critics that see more than
+// Reads the true state of a world (scenarios/spec/global_state.h lists its parts) for critics that see more than
 // pictures: trajectory slabs and Python's `state()` are filled from here. Stage: step.
 #pragma once
 

@@ -26,7 +26,7 @@ struct FilmOptions {
 /// The views are drawn once more for the film, at its own size; what the network sees is not touched. Threads: the environment's.
 class Film final : public TicWatcher {
  public:
-  /// `first` is the game that the environments begin with; `environments` says which maps there are.
+  /// `first` is the game that the environments begin with; `environments` names the maps.
   /// Errors: kUnsupported where FFmpeg has no H.264 or the view is larger than can be drawn, kSystem and kNoSpace for
   /// files, those of ArtArchive::open and Renderer::create.
   static Expected<std::unique_ptr<Film>> create(const FilmOptions& options,

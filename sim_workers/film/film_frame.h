@@ -29,7 +29,7 @@ struct FilmCaption {
   uint32_t limit_tics = 0;  ///< when the episode is cut off
   double score = 0;         ///< J as if the episode ended now
   double ceiling = 0;       ///< the best J of the map; 0: not known
-  std::string ending;       ///< how the episode ended; empty while it goes on
+  std::string ending;       ///< how the episode ended; empty while it continues
   std::vector<AgentCaption> agents;
   friend bool operator==(const FilmCaption&, const FilmCaption&) = default;
 };
@@ -40,7 +40,7 @@ class FilmFrame {
   /// `buttons` [heads]: the names of each action head's buttons.
   FilmFrame(ViewSize view, int num_agents, const std::vector<std::vector<std::string>>& buttons);
 
-  /// Even numbers of pixels, as video wants them.
+  /// Even numbers of pixels, as video requires them.
   cv::Size size() const { return picture_.size(); }
   /// The picture [height, width] BGR u8, until the next call. `views` [N][3, view height, view width] u8, planar RGB;
   /// as many captions as agents.

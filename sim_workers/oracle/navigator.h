@@ -41,7 +41,7 @@ class Navigator {
   std::optional<Place> nearest_open(Place place, double reach_units = 128) const;
 
  private:
-  /// Dijkstra's search from a goal, as far as somebody has asked.
+  /// Dijkstra's search from a goal, as far as queries needed it.
   struct Field {
     using Entry = std::pair<float, int>;  // distance, cell
     std::vector<float> distance;          // [cell] units to the goal; infinite where no way is known

@@ -30,7 +30,7 @@ Expected<std::unique_ptr<Oracle>> make_oracle(const DoomGame& game);
 /// Scenarios that have one, sorted.
 std::vector<std::string> list_oracles();
 
-/// An oracle at one environment's controls: a decision is what its wishes become through the action heads.
+/// An oracle at one environment's controls: its intended buttons become a decision through the action heads.
 class OraclePlayer {
  public:
   /// Errors: as make_oracle().
@@ -39,7 +39,7 @@ class OraclePlayer {
   /// Begins an episode of `environment`, which must be one of the game's.
   void reset(DoomEnvironment& environment, uint64_t episode_seed);
   void step(DoomEnvironment& environment);
-  /// The oracle decides for the agents `seats` alone; the others do what `action` [N, heads] says.
+  /// The oracle decides for the agents `seats` alone; the others do `action` [N, heads].
   void step(DoomEnvironment& environment, std::span<const int> seats, std::span<const int32_t> action);
 
  private:
@@ -52,7 +52,7 @@ class OraclePlayer {
 };
 
 /// Doom environments whose actions come from oracles. Where they come from oracles alone, what is passed to step() is
-/// not looked at, and as nobody looks at pictures, none are drawn (frames stay black).
+/// not looked at, and no pictures are drawn (frames stay black).
 class OracleEnvironmentSet final : public EnvironmentSet {
  public:
   /// Takes over `inner`, whose environments must be Doom's. `seats` are the agents that the oracles play; empty: all.

@@ -577,11 +577,12 @@ void EnvBatch::draw_buffers(doom::Renderer& renderer, int index) {
 Expected<std::vector<SeenThing>> EnvBatch::things_seen(int index, int agent) {
   const Entry entry(*this);
   COMRAD_TRY(entry.status());
-  if (!options_.has_labels) return bad("these environments have no labels; ask for them when you make them");
+  if (!options_.has_labels)
+    return bad("these environments have no labels; request them when you create the environments");
   COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
   COMRAD_TRY(check_range("the agent's index", agent, 0, options_.num_agents - 1));
   const Slot& slot = works_->slots[static_cast<std::size_t>(index)];
-  if (!slot.has_begun) return bad("call reset() before you ask for labels");
+  if (!slot.has_begun) return bad("call reset() before you request labels");
   const doom::World& world = slot.environment->world();
   std::vector<SeenThing> seen;
   for (const doom::ThingLabel& label : slot.things[static_cast<std::size_t>(agent)]) {

@@ -33,7 +33,7 @@ struct BatchOptions {
   int num_threads = 1;
   int width = 128, height = 72;  ///< of one agent's view
   bool has_pictures = true, has_depth = false, has_labels = false, has_automap = false;
-  std::string automap_mode;  ///< ViZDoom's name of one; empty: as the .cfg says, NORMAL for a scenario
+  std::string automap_mode;  ///< ViZDoom's name of one; empty: as the .cfg sets, NORMAL for a scenario
   bool channels_first = false;
   bool autoreset =
       false;  ///< the step after an episode's end begins the next one; else stepping it is an error
@@ -51,10 +51,10 @@ struct BatchArrays {
   std::vector<float> variable;                 ///< [E, N, M]  the same game variables as they are
   std::vector<uint8_t> action_mask;            ///< [E, N, A]
   std::vector<uint8_t> active;                 ///< [E, N]  0: dead and not coming back
-  std::vector<float> state;                    ///< [E, S]  as state_names() says (env/global_state.h)
+  std::vector<float> state;                    ///< [E, S]  as state_names() describes (env/global_state.h)
   std::vector<float> reward;                   ///< [E, N]
   std::vector<uint8_t> terminated, truncated;  ///< [E]
-  // Of the episode that goes on, or that just ended.
+  // Of the episode that continues, or that just ended.
   std::vector<float> score, ceiling;                ///< [E]
   std::vector<float> agent_return;                  ///< [E, N]
   std::vector<uint32_t> length_tics, length_steps;  ///< [E]
@@ -131,7 +131,7 @@ class EnvBatch {
 
   /// Errors: an index outside; misuse as below.
   Expected<std::shared_ptr<const SavedState>> state_of(int index);
-  /// Goes on from there, and draws it. Errors: kBadInput for a state of another scenario, team or frame skip.
+  /// Continues from there, and draws it. Errors: kBadInput for a state of another scenario, team or frame skip.
   Status restore(int index, const SavedState& state);
   Expected<uint64_t> hash_of(int index);
   /// What the labels of an agent's picture are of, by rising value. Errors: of the indices; of environments without
@@ -164,7 +164,7 @@ class EnvBatch {
   Status step_one(int index, const std::function<void(sim::DoomEnvironment&)>& act);
   /// A thread's work between send_some() and the call that ends it: its jobs in their order.
   Status serve(int thread);
-  /// One decision in every thread: `act(environment, its index)` where an episode goes on.
+  /// One decision in every thread: `act(environment, its index)` where an episode continues.
   void run_step(std::function<void(sim::DoomEnvironment&, std::size_t)> act);
   void write_numbers(int index);
   void draw_views(int thread, std::span<const int> indices);

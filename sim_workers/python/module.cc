@@ -26,7 +26,7 @@ namespace nb = nanobind;
 namespace comrad::python {
 namespace {
 
-/// Our errors as Python's: what was asked for, what is not there, and the rest.
+/// Our errors as Python's: what was requested, what is not there, and the rest.
 [[noreturn]] void raise(const Error& error) {
   switch (error.code) {
     case ErrorCode::kBadInput:
@@ -106,7 +106,7 @@ std::span<const T> span_of(const nb::ndarray<const T, nb::c_contig, nb::device::
   return {array.data(), array.size()};
 }
 
-/// Runs `call` while other Python threads go on.
+/// Runs `call` while other Python threads continue.
 template <typename Call>
 auto aside(Call call) {
   const nb::gil_scoped_release others_run;
@@ -136,7 +136,7 @@ nb::dict scenario_facts(const scenarios::ScenarioSpec& spec, int num_agents) {
   return facts;
 }
 
-/// What its .cfg asks for, and what is not served.
+/// What its .cfg requests, and what is not served.
 void add_vizdoom_facts(nb::dict& facts, const scenarios::VizdoomConfig& config) {
   nb::list buffers;
   if (config.buffers.depth) buffers.append("depth");
@@ -241,7 +241,7 @@ NB_MODULE(_engine, module) {
            [](EnvBatch& batch, int least) { return must(aside([&] { return batch.receive_some(least); })); })
       .def("get_state",
            [](EnvBatch& batch, int index) {
-             // Python's own type is of a state that may be written; nobody does.
+             // Python's own type is of a writable state; nothing writes it.
              return std::const_pointer_cast<SavedState>(must(aside([&] { return batch.state_of(index); })));
            })
       .def("set_state",

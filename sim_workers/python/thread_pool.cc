@@ -41,7 +41,7 @@ void ThreadPool::work(int index) {
     if (leaves_) return;
     seen = round_;
     lock.unlock();
-    task_(index);  // nobody changes it before all have ended
+    task_(index);  // unchanged until all threads have ended
     lock.lock();
     if (--busy_ == 0) ends_.notify_all();
   }

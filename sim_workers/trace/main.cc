@@ -1,5 +1,5 @@
 // comrad-trace FILE.cfg|SCENARIO: plays one player's buttons and writes what came of it, tic by tic, in the
-// columns of the reference traces. It is how anyone compares this engine with another.
+// columns of the reference traces. For comparing this engine with another.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>

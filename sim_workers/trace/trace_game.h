@@ -34,7 +34,7 @@ class TraceGame {
   double step(const doom::Buttons& buttons);
   bool finished() const { return environment_.last_step().episode_over(); }
   doom::World& world() { return environment_.world(); }
-  /// As read_variable(), but a cfg's HEALTH is the body's, which is below 0 after a death, as ViZDoom says it.
+  /// As read_variable(), but a cfg's HEALTH is the body's, which is below 0 after a death, as in ViZDoom.
   double variable(const scenarios::GameVariable& variable) const;
 
   std::string title;                       ///< of the first line of a trace

@@ -92,7 +92,7 @@ Status EnvPort::begin_episode(uint64_t episode_id) {
   return {};
 }
 
-/// Evaluation plays every layout in turn. Training asks the learner's curriculum every layout_swap_every
+/// Evaluation plays every layout in turn. Training requests a layout of the learner's curriculum every layout_swap_every
 /// episodes and stays where it is while no assignment lies in its mailbox.
 Status EnvPort::choose_layout(uint64_t episode_id) {
   if (rules_.layout_count == 0) return {};
@@ -204,7 +204,7 @@ ObservationTarget EnvPort::target_of_row(const SlabView& slab, int step) const {
 }
 
 ObservationTarget EnvPort::final_target() const {
-  // The finals have neither mask nor activity flags of their own; row t+1 lends its memory until the next
+  // The finals have neither mask nor activity flags; row t+1 lends its memory until the next
   // episode's first observation overwrites it.
   ObservationTarget target = target_of_row(slab_, step_);
   target.frame = slab_.final_frame(final_count_ - 1, 0).data();

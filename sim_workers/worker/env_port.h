@@ -40,7 +40,7 @@ struct PortRules {
 ///                                kFinal -close_episode-> kRow (terminated) | kObserved (truncated)
 ///
 /// Between calls the port is in one of these stages, and everything that a successor process needs to count
-/// on (ids, seeds, actions since reset) stands in the environment's journal. The step path neither allocates,
+/// on (ids, seeds, actions since reset) is in the environment's journal. The step path neither allocates,
 /// throws nor logs.
 class EnvPort {
  public:
@@ -66,7 +66,7 @@ class EnvPort {
 
   bool wants_final() const { return stage_ == Stage::kFinal; }
   ObservationTarget final_target() const;
-  /// The episode's record goes out; a terminated one resets at once, a truncated one first asks for its
+  /// The episode's record goes out; a terminated one resets at once, a truncated one first requests its
   /// final value.
   void close_episode();
 

@@ -10,7 +10,7 @@ namespace comrad::sim {
 
 /// The settings that change rewards.
 struct RewardRules {
-  float share = 0.0f;          ///< alpha: 0 keeps own rewards, 1 gives everyone the team's
+  float share = 0.0f;          ///< alpha: 0 keeps own rewards, 1 gives each agent the team's
   bool share_is_mean = false;  ///< team reward S is the mean, not the sum
   float scale = 1.0f;
   float clip = 1000.0f;  ///< rewards are kept within +- this

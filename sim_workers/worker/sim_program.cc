@@ -27,7 +27,7 @@
 namespace comrad::sim {
 namespace {
 
-/// Who plays.
+/// Where actions come from.
 struct Roles {
   bool evaluate = false;
   bool oracle = false;

@@ -17,7 +17,7 @@ struct SimProgram {
   std::function<Status()> finish;  ///< the run is over
 };
 
-/// Reads the command line and does what it says: a run's simulator, or its benchmark. Gives the exit code.
+/// Runs what the command line selects: a run's simulator, or its benchmark. Gives the exit code.
 int run_sim_program(int argc, char** argv, shm::WorkerShell& shell, const SimProgram& program);
 
 }  // namespace comrad::sim

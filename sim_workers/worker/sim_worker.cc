@@ -159,7 +159,7 @@ int SimWorker::play_round(int split) {
   // Read once, so that in lock step all environments of a split pass the gate in the same round.
   const uint64_t rollouts_allowed = arena_.control().rollouts_allowed.load(std::memory_order_acquire);
 
-  // Whoever waits for a slab longest comes before those that are about to seal one.
+  // The environment that waits for a slab longest comes before those that are about to seal one.
   for (EnvPort& port : ports) port.try_begin_slab(rollouts_allowed);
   int stepped = 0;
   for (EnvPort& port : ports)

@@ -84,7 +84,7 @@ using LibraryReader = std::function<std::optional<std::span<const uint8_t>>(std:
 
 class Behavior {
  public:
-  /// Reads a lump and the libraries that it asks for, and those that they ask for. `label` names it in messages. A lump
+  /// Reads a lump and the libraries that it requests, and those that they request. `label` names it in messages. A lump
   /// too short to hold code gives an empty Behavior; a library that is not there is a warning.
   ///
   ///   loadacs   names of further libraries, from the lump LOADACS

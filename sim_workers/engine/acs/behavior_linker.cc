@@ -63,7 +63,7 @@ void BehaviorLinker::resolve() {
     const auto found =
         std::find_if(all_.functions_.begin(), all_.functions_.end(),
                      [&](const Function& other) { return !other.imported && other.name == function.name; });
-    if (found != all_.functions_.end()) function = *found;  // a call that does not find one says so
+    if (found != all_.functions_.end()) function = *found;  // a call that does not find one is an error
   }
   for (std::size_t module = 0; module < all_.modules_.size(); ++module) {
     for (const BehaviorLinks::Variable& wanted : links_[module].imported) {

@@ -15,13 +15,13 @@
 
 namespace comrad::doom::acs {
 
-/// What a lump says of other lumps.
+/// What a lump imports of other lumps.
 struct BehaviorLinks {
   struct Variable {
     uint32_t number = 0;
     std::string name;
   };
-  std::vector<std::string> libraries;  ///< that it asks for (LOAD)
+  std::vector<std::string> libraries;  ///< that it requests (LOAD)
   std::vector<std::string> exported;   ///< names of its map variables, by number
   std::vector<Variable> imported;      ///< variables and arrays of libraries
   std::vector<uint32_t> texts;         ///< map variables and arrays whose first values are texts

@@ -121,7 +121,7 @@ void show_print(const Caller& caller, std::string text, bool bold) {
   HudMessage message;
   const Actor* actor = caller.activator();
   if (!bold && actor != nullptr) {
-    // What a missile triggered is told to who fired it.
+    // A missile's message goes to the actor that fired it.
     if (actor->player_index < 0 && actor->has(ActorFlag::kMissile))
       actor = caller.world.actor(actor->target_id);
     if (actor == nullptr || actor->player_index < 0 || actor->player_index >= caller.world.player_count())

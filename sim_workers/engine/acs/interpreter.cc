@@ -246,7 +246,7 @@ class Interpreter {
     fail("has run " + std::to_string(machine_.instructions_per_tic) +
          " instructions in one tic without a Delay");
   }
-  /// Says which of a step's demands is not met.
+  /// States which of a step's demands is not met.
   [[gnu::cold]] void fail_step(uint32_t number) {
     const Step& step = kSteps[number];
     const std::string name(bytecode::kPCodes[number].name);
@@ -288,7 +288,7 @@ class Interpreter {
 
   // ---- variables
 
-  /// The variable, or a scratch place: `failed_` tells a bad number, an element outside its array reads as 0.
+  /// The variable, or a scratch place: `failed_` marks a bad number, an element outside its array reads as 0.
   int32_t* variable(Scope scope, int32_t number, int32_t element, bool writes) {
     scratch_ = 0;
     const auto index = static_cast<uint32_t>(number);
@@ -1045,7 +1045,7 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kPlayerGoldSkull:
     case PCode::kPlayerBlackCard:
     case PCode::kPlayerSilverCard:
-      unsupported(code);  // the community's compiler writes none of them; CheckInventory asks for keys
+      unsupported(code);  // the community's compiler writes none of them; CheckInventory requests keys
       return push(0);
     case PCode::kGetPlayerInfo: {
       const auto [player, what] = take<2>();

@@ -83,14 +83,14 @@ int32_t start(World& world, const Script* script, const StartOptions& options) {
   const std::size_t place = machine.threads.size() - 1;
   run_thread(world, behavior, *thread);
   const int32_t result = thread->result;
-  // One that is done makes room at once: a loop may ask for thousands of results in a tic.
+  // One that is done makes room at once: a loop may request thousands of results in a tic.
   if (thread->state == ThreadState::kToBeRemoved && machine.threads.size() == place + 1 &&
       thread == &machine.threads[place])
     machine.threads.resize_down(place);
   return result;
 }
 
-/// True where the thread goes on in this tic.
+/// True where the thread continues in this tic.
 bool wake(World& world, Thread& thread) {
   MachineState& machine = world.state().scripts;
   switch (thread.state) {

@@ -23,8 +23,8 @@ struct StartOptions {
   bool immediate = false;  ///< runs now instead of at the end of the tic, and answers (ACS_ExecuteWithResult)
 };
 
-/// Starts a script; a suspended one goes on. Returns what it answered where `immediate`, else 1; 0 where
-/// there is none, or where it runs already and `always` is not asked for. What a script starts begins in the
+/// Starts a script; a suspended one continues. Returns what it answered where `immediate`, else 1; 0 where
+/// there is none, or where it runs already and `always` is not set. What a script starts begins in the
 /// next tic; what anything else starts, when the scripts of this tic run.
 int32_t start_script(World& world, int32_t number, const StartOptions& options);
 int32_t start_script(World& world, std::string_view name, const StartOptions& options);

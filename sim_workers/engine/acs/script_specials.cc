@@ -28,7 +28,7 @@ int32_t map_number(const std::string& name) {
 /// There is one map at a time; scripts of others do not run.
 bool is_of_this_map(const World& world, const SpecialCall& call, int32_t map) {
   if (map == 0 || map == map_number(world.level().name)) return true;
-  warn_of_special(world, call.number, "asks for another map, which is not supported");
+  warn_of_special(world, call.number, "requests another map, which is not supported");
   return false;
 }
 

@@ -70,7 +70,7 @@ std::string printable(std::string_view text) {
 std::optional<int32_t> add_string(World& world, std::string_view text) {
   MachineState& machine = world.state().scripts;
   std::vector<std::string>& strings = machine.dynamic_strings;
-  if (text.empty()) {  // an empty place is a free one: the empty text has a number of its own
+  if (text.empty()) {  // an empty place is a free one: the empty text has its own number
     if (strings.empty()) strings.emplace_back();
     return kDynamicStringBase;
   }

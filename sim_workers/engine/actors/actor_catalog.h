@@ -1,4 +1,4 @@
-// All actor types, states, sprites and arguments that a game knows: the built-in Doom actors and those of
+// All actor types, states, sprites and arguments of a game: the built-in Doom actors and those of
 // DECORATE lumps. Immutable once worlds use it, and shared by them. Stage: tic and render.
 #pragma once
 
@@ -53,7 +53,7 @@ class ActorCatalog {
   std::optional<uint32_t> find_spawn_id(int32_t number) const;
   std::optional<DamageType> find_damage_type(std::string_view name) const;  ///< any case; also the lumps' own
   std::string_view damage_type_name(DamageType type) const;
-  /// The type that is spawned where `index` is asked for: itself, or what replaces it.
+  /// The type that is spawned where `index` is requested: itself, or what replaces it.
   uint32_t replacement(uint32_t index) const { return replacement_[index]; }
   bool is_a(uint32_t type, uint32_t ancestor) const;
   bool is_a(uint32_t type, std::string_view ancestor) const;
@@ -70,7 +70,7 @@ class ActorCatalog {
   const std::string& text(int32_t index) const { return texts_[static_cast<std::size_t>(index)]; }
   const std::array<uint8_t, 256>& translation(uint8_t index) const { return translations_[index]; }
 
-  // Types that the engine itself asks for; kNoType where a catalog lacks one.
+  // Types that the engine itself requests; kNoType where a catalog lacks one.
   struct Known {
     uint32_t player = kNoType, bullet_puff = kNoType, blood = kNoType, teleport_fog = kNoType,
              item_fog = kNoType, fist = kNoType, pistol = kNoType, clip = kNoType, shell = kNoType,

@@ -351,7 +351,7 @@ struct ActorType {
   std::array<Fixed, static_cast<std::size_t>(DamageType::kCount)> damage_factor = filled(kFracUnit);
   Fixed general_damage_factor = kFracUnit;
   int32_t pain_chance = 0, pain_threshold = 0;
-  std::vector<std::pair<DamageType, int32_t>> pain_chances;  ///< of damage types that have one of their own
+  std::vector<std::pair<DamageType, int32_t>> pain_chances;  ///< of damage types with a separate chance
   int32_t reaction_tics = 8;
   Fixed melee_range = to_fixed(64) - to_fixed(20), max_target_range = 0, melee_threshold = 0;
   int32_t min_missile_chance = 200;

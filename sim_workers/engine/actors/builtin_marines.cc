@@ -22,7 +22,7 @@ void add_marines(ActorCatalog* catalog) {
   marine.speed = to_fixed(8), marine.pain_chance = 160;
   marine.damage.factor = 100;
   set_flags(&marine, {kSolid, kShootable, kIsMonster, kCanPass, kCanUseWalls, kPushWall, kActivateCross});
-  // Labels with a weapon's name lead to its attack; a marine has those of its own weapon as Melee or Missile.
+  // Labels with a weapon's name lead to its attack; a marine has those of its weapon as Melee or Missile.
   // After M_Refire and M_SawRefire the row behind the link is where they go when the fight is over.
   add_type(
       catalog, std::move(marine),

@@ -352,7 +352,7 @@ class DecorateParser {
     return {};
   }
 
-  /// What an unknown property may have behind it: the rest of its line, as far as the actor goes on.
+  /// What an unknown property may have behind it: the rest of its line, as far as the actor continues.
   void skip_property(int32_t line) {
     for (Token next = lexer_.peek(); next.line == line; next = lexer_.peek()) {
       if (next.is("}") || next.is("{") || next.kind == Token::Kind::kEnd || next.kind == Token::Kind::kBroken)

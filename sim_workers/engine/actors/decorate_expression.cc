@@ -184,7 +184,7 @@ class Reader {
     return finite(symbol, draw);
   }
 
-  /// Two numbers that can be written may have a result that no number says; infinity less infinity is none at
+  /// Two numbers that can be written may have a result that no number represents; infinity less infinity is none at
   /// all, and every clamp lets it through.
   static Expected<DecorateValue> finite(const Token& symbol, const DecorateValue& result) {
     if (std::isfinite(result.number) && std::isfinite(result.high) && std::isfinite(result.step))

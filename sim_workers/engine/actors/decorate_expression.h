@@ -23,7 +23,7 @@ struct DecorateValue {
   double step = 1.0;    ///< of kRandom: what the draw was multiplied with
   bool decimal = false;
   bool name = false;            ///< a word without quotes: kText, or the kNumber that it stands for
-  bool in_parentheses = false;  ///< which Damage tells apart
+  bool in_parentheses = false;  ///< which Damage distinguishes
   std::string text;
   int32_t line = 0, column = 0;
 

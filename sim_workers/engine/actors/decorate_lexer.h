@@ -1,5 +1,5 @@
-// Tokens of a DECORATE lump, read one at a time. Sprites and frames are words of their own kind, so the
-// parser says what it expects. Stage: loading.
+// Tokens of a DECORATE lump, read one at a time. Sprites and frames are a separate kind of words, so the
+// parser states what it expects. Stage: loading.
 #pragma once
 
 #include <cstddef>

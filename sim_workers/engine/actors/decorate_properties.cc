@@ -218,7 +218,7 @@ void set_power_type(Values& values) {
   const std::string_view name = values.text();
   if (const std::optional<PowerKind> kind = find_power(name)) {
     values.type().power = *kind;
-    // Lasts and looks like the power itself, until the giver says otherwise.
+    // Lasts and looks like the power itself, until the giver changes it.
     for (uint32_t index = 0; index < values.catalog().size(); ++index) {
       const ActorType& power = values.catalog()[index];
       if (power.power != *kind || power.item_class != ItemClass::kPowerup || !power.name.starts_with("Power"))

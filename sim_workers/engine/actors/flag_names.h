@@ -16,8 +16,8 @@ std::optional<ActorFlag> find_flag(std::string_view name);
 bool has_effect(ActorFlag flag);
 /// True for flags that mean nothing here (sounds, decals, other games) and may be set in silence.
 bool is_idle_flag(std::string_view name);
-/// The damage type called `name`; nothing for names of a lump's own (ActorCatalog::find_damage_type
-/// knows those).
+/// The damage type called `name`; nothing for names that a lump defines (see
+/// ActorCatalog::find_damage_type).
 std::optional<DamageType> find_damage_type(std::string_view name);
 std::string_view damage_type_name(DamageType type);  ///< lower case; "normal" for plain damage
 std::optional<RenderStyle> find_render_style(std::string_view name);

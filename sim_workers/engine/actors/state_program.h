@@ -36,7 +36,7 @@ class StateProgram {
   std::size_t size() const { return states_.size(); }
   /// The following state is called `name`.
   void add_label(std::string_view name);
-  /// `state.next` is the one that follows, until a link says otherwise.
+  /// `state.next` is the one that follows, until a link changes it.
   void add_state(const State& state, std::vector<PendingArg> args = {});
 
   // Links of the last state, or of the labels before them where no state follows. False: there is nothing
@@ -63,7 +63,7 @@ class StateProgram {
   };
   struct Label {
     std::string name;
-    std::size_t place = 0;  ///< in states_, where it has a state of its own
+    std::size_t place = 0;  ///< in states_, where it has its own state
     bool gone = false;      ///< "Label: stop"
     bool is_alias = false;  ///< "Label: goto Other"
     StateTarget alias;

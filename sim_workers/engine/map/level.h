@@ -44,7 +44,7 @@ struct Sidedef {
 /// Parts of a side as scripts count them.
 enum SideTexture : int32_t { kSideTop = 0, kSideMiddle = 1, kSideBottom = 2 };
 
-/// What a line stops, how it looks, and how its special wants to be activated.
+/// What a line stops, how it looks, and how its special is activated.
 enum LinedefFlag : uint32_t {
   kLineBlocking = 1u << 0,
   kLineBlockMonsters = 1u << 1,
@@ -66,7 +66,7 @@ enum LinedefFlag : uint32_t {
   kLineMissileCross = 1u << 16,
   kLineAnyCross = 1u << 17,         ///< whatever crosses
   kLinePlayerUseBack = 1u << 18,    ///< a player uses it from behind
-  kLinePassUse = 1u << 19,          ///< a use goes on to what lies behind it
+  kLinePassUse = 1u << 19,          ///< a use continues to what lies behind it
   kLineFirstSideOnly = 1u << 20,    ///< only from the front
   kLineMonsterActivate = 1u << 21,  ///< monsters too, wherever players may
   kLineRailing = 1u << 22,          ///< a wall 32 units high that can be jumped over
@@ -97,7 +97,7 @@ struct Linedef {
   std::optional<uint32_t> back;  ///< sidedef index; nothing where one-sided
   float alpha = 1.0f;            ///< of its middle textures
   bool additive = false;
-  int32_t lock_number = 0;  ///< key it wants, as in Door_LockedRaise; 0 none
+  int32_t lock_number = 0;  ///< key it requires, as in Door_LockedRaise; 0 none
   std::string arg0_text;    ///< name of a script, instead of args[0]
   bool in_polyobject =
       false;  ///< moves with a polyobject: no wall where it was drawn; set by complete_level()
@@ -158,7 +158,7 @@ constexpr uint32_t thing_skill_flag(int skill) {
                     : kThingSkill6 << ((skill > 8 ? 8 : skill) - 6);
 }
 
-/// A THINGS entry: where the map wants something, before it lives.
+/// A THINGS entry: where the map requires something, before it lives.
 struct MapThing {
   int32_t id = 0;
   Fixed x = 0, y = 0, height = 0;  ///< height above the floor
@@ -181,7 +181,7 @@ enum class MapFormat : uint8_t { kUdmf, kHexen, kDoom };
 
 struct LevelIndex;
 
-/// What MAPINFO says of a map.
+/// MAPINFO's properties of a map.
 struct LevelRules {
   bool no_jump = false, no_crouch = false;
   Fixed gravity = kFracUnit;  ///< units/tic^2

@@ -1,5 +1,5 @@
 // What a Level's worlds share for collision: the grid of its linedefs, the tree that finds sectors, and the
-// outline that tells the void (solid rock, also inside a pillar that is a hole of its sector) from the map.
+// outline that separates the void (solid rock, also inside a pillar that is a hole of its sector) from the map.
 #pragma once
 
 #include <algorithm>

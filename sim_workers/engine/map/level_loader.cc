@@ -348,7 +348,7 @@ class Loader {
     }
   }
 
-  /// What the map asks for and does not get: it is loaded without.
+  /// What the map requests and does not get: it is loaded without.
   void warn_of_missing() {
     for (const wad::SpecialName& missing : wad::special_names()) {
       if (missing.support != wad::SpecialSupport::kUnsupportedShape) continue;

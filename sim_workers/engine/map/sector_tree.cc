@@ -8,7 +8,7 @@
 
 namespace comrad::doom {
 
-/// Makes the tree: picks a line that cuts few others and halves the rest, splits, and goes on with
+/// Makes the tree: picks a line that cuts few others and halves the rest, splits, and continues with
 /// both halves.
 class SectorTreeBuilder {
  public:

@@ -36,7 +36,7 @@ bool set_state(World& world, Actor& actor, uint32_t state_index) {
     if (actor.tics != 0) return true;
     state_index = state.next;
   }
-  actor.tics = 1;  // a circle of states without time: go on in the next tic
+  actor.tics = 1;  // a circle of states without time: continue in the next tic
   return true;
 }
 

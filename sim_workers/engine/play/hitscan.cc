@@ -28,7 +28,7 @@ constexpr Angle kSteepest = degrees_to_angle(85);
 constexpr Fixed kPuffGap = to_fixed(4);   // a puff stands before its wall
 constexpr Fixed kShoulder = to_fixed(8);  // a shot starts this far above the middle of a body
 
-// What a search wants of actors: where the path crosses a diagonal of their box (aiming, contacts), or where
+// What a search requires of actors: where the path crosses a diagonal of their box (aiming, contacts), or where
 // it enters and leaves the box (shots).
 enum class ActorShape { kNone, kDiagonal, kBox };
 
@@ -160,7 +160,7 @@ void collect_actors(World& world, const Path& path, const Box& piece, ActorShape
   }
 }
 
-/// Visits what `path` crosses, nearest first, until `visit(crossing)` says false.
+/// Visits what `path` crosses, nearest first, until `visit(crossing)` returns false.
 template <typename Visit>
 bool walk(World& world, const Path& path, bool lines, ActorShape shape, Visit&& visit) {
   const int64_t length = std::max(std::abs(path.dx), std::abs(path.dy));
@@ -298,7 +298,7 @@ bool meets_body(const Ray& ray, const Crossing& crossing, int64_t& fraction) {
   return fraction <= crossing.leaves;
 }
 
-/// Follows a shot. `hits(actor, fraction)` says whether a body stops it.
+/// Follows a shot. `hits(actor, fraction)` returns whether a body stops it.
 template <typename Hits>
 ShotEnd follow_shot(World& world, const Ray& ray, Actor& shooter, Hits&& hits) {
   ShotEnd end;
@@ -433,7 +433,7 @@ bool trace_path(World& world, Fixed x, Fixed y, Fixed dx, Fixed dy, bool lines, 
 }
 
 Aim aim_line(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed vertical_range) {
-  // Up and down: what was asked for, else 35 degrees; whoever looks freely and without auto-aim gets half
+  // Up and down: what was requested, else 35 degrees; whoever looks freely and without auto-aim gets half
   // a degree.
   Angle range = degrees_to_angle(kAimDegrees);
   const Player* player = world.player_of(shooter);

@@ -18,7 +18,7 @@ struct PathCrossing {
 };
 
 /// Visits lines and/or shootable and solid actors that the way from (x, y) by (dx, dy) crosses, nearest
-/// first, until `visit` says false. Returns false when it was stopped. Actors count where the way crosses a
+/// first, until `visit` returns false. Returns false when it was stopped. Actors count where the way crosses a
 /// diagonal of their box, as in Doom.
 bool trace_path(World& world, Fixed x, Fixed y, Fixed dx, Fixed dy, bool lines, bool actors,
                 const std::function<bool(const PathCrossing&)>& visit);

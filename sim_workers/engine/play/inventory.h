@@ -37,7 +37,7 @@ int32_t count_item(const World& world, int player,
 int32_t max_item(const World& world, int player, uint32_t type);
 void set_max_item(World& world, int player, uint32_t type, int32_t max_amount);  ///< SetAmmoCapacity
 void clear_inventory(World& world, int player);
-/// What a fresh body has: the items of its class, or, where `before` says what the player had when it died, what it keeps of that
+/// What a fresh body has: the items of its class, or, where `before` contains what the player had when it died, what it keeps of that
 /// by the game's flags.
 void give_start_items(World& world, int player, const Player* before);
 bool has_key(const World& world, const Actor& actor,

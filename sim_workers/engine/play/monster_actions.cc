@@ -212,7 +212,7 @@ void hatch(World& world, Actor& cube) {
 
 // ---------------------------------------------------------------- marines
 
-/// Marines' states stop firing by going on to the state behind the present one.
+/// Marines' states stop firing by continuing to the state behind the present one.
 void next_in_table(ActionCall& call) {
   const uint32_t next = call.self.state + 1;
   call.go_to(next < call.world.catalog().state_count() ? next : call.state.next);

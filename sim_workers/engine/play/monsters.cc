@@ -138,7 +138,7 @@ bool look_for_old_aims(World& world, Actor& monster) {
 }
 
 bool look_for_hated(World& world, Actor& monster, const LookRange& range) {
-  // The search goes on behind the last one found, and starts over once.
+  // The search continues behind the last one found, and starts over once.
   const Actor* present = target_of(world, monster);
   const uint32_t before =
       present != nullptr && present->thing_id == monster.hate_thing_id ? present->thing_order : UINT32_MAX;

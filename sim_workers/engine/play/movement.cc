@@ -572,7 +572,7 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
         state_.actors[slot].velocity_x = state_.actors[slot].velocity_y = 0;
         return;
       }
-      // The steps that are left go on from here with what is left of the velocity.
+      // The steps that are left continue from here with what is left of the velocity.
       const Actor& slid = state_.actors[slot];
       move_x = slid.velocity_x, move_y = slid.velocity_y;
       start_x = static_cast<Fixed>(slid.x - int64_t{move_x} * step / steps);

@@ -59,7 +59,7 @@ struct MoveResult {
   bool float_ok = false;       ///< it would fit at another height
   int32_t blocking_line = -1;  ///< linedef in the way
   uint32_t blocking_actor_id = 0;
-  Fixed floor_z = 0;  ///< at the place asked for
+  Fixed floor_z = 0;  ///< at the requested place
   explicit operator bool() const { return moved; }
 };
 

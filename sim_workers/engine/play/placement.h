@@ -17,7 +17,7 @@ bool put_where_it_fits(World& world, Actor& actor, Fixed x, Fixed y, Fixed z);
 /// The low-level move of teleporters, with fog and eye; telefrags what stands there when `telefrag`.
 bool teleport_move(World& world, Actor& actor, Fixed x, Fixed y, Fixed z, Angle angle, bool fog,
                    bool keep_velocity, bool telefrag);
-/// Makes the fog of a teleport, where the catalog knows it.
+/// Makes the fog of a teleport, where the catalog contains it.
 void spawn_fog(World& world, Fixed x, Fixed y, Fixed z);
 
 }  // namespace comrad::doom

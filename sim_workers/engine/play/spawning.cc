@@ -126,7 +126,7 @@ bool is_left_out(const World& world, const MapThing& thing, const ActorType& typ
 
 float scaled(float own, float by) { return std::clamp(own * by, -1000.0f, 1000.0f); }
 
-/// What the map says of a thing besides its place and type.
+/// The map's properties of a thing besides its place and type.
 void apply_thing_fields(World& world, const MapThing& thing, Actor& actor) {
   if (!world.type_of(actor).keeps_args) {
     actor.special = thing.special, actor.args = thing.args;
@@ -207,7 +207,7 @@ bool respawn_player(World& world, int index) {
     return false;
   }
   corpse->player_index = -1;
-  // The dead one's scripts go on with the new body, as in ViZDoom's network games.
+  // The dead one's scripts continue with the new body, as in ViZDoom's network games.
   if (is_network)
     for (acs::Thread& thread : world.state().scripts.threads)
       if (thread.activator_id == corpse->id) thread.activator_id = body.id;
@@ -237,7 +237,7 @@ void spawn_map_things(World& world) {
     if (world.options().no_monsters && type.flags.has(ActorFlag::kIsMonster)) continue;
     if (is_left_out(world, thing, type)) continue;
     // Map spots and teleport destinations: hundreds in a map, never seen, never moving. They stay in
-    // level().things unless a script may ask for them.
+    // level().things unless a script may query them.
     if (type.state(StateLabel::kSpawn) == kNoState && type.flags.has(ActorFlag::kNoBlockmap) && thing.id == 0)
       continue;
     const Sector& sector = world.state().sectors[world.sector_at(thing.x, thing.y)];

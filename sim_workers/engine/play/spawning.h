@@ -10,7 +10,7 @@ namespace comrad::doom {
 
 /// Players at their starts, with what they begin with.
 void spawn_players(World& world);
-/// The map's things, as skill and kind of game ask for. Those without a picture that touch nothing (map spots,
+/// The map's things, as skill and kind of game require. Those without a picture that touch nothing (map spots,
 /// teleport destinations) become no actors unless they have a thing id.
 void spawn_map_things(World& world);
 /// Takes an actor that leaves without having died or been taken out of the map's totals.

@@ -60,7 +60,7 @@ bool usable(const World& world, int player, uint32_t type) {
   return owns_weapon(world, player, type) && has_any_ammo_for(world, player, type);
 }
 
-/// What a slot key asks for: in the slot of the weapon in the hand the one before it, in a circle; elsewhere
+/// What a slot key requests: in the slot of the weapon in the hand the one before it, in a circle; elsewhere
 /// the most wanted one. kNoType: nothing usable.
 uint32_t pick_from_slot(const World& world, int player_index, int number) {
   const Slot slot = weapons_in(world.catalog(), number);
@@ -126,7 +126,7 @@ uint32_t best_of(const World& world, int player_index, uint32_t ammo_type) {
   return best;
 }
 
-/// Another weapon, because this one cannot go on.
+/// Another weapon, because this one cannot continue.
 void pick_new_weapon(World& world, int player_index) {
   Player& player = player_at(world, player_index);
   const uint32_t best = best_of(world, player_index, kNoType);
@@ -209,7 +209,7 @@ void set_weapon_state(World& world, int player_index, int layer, uint32_t state)
       }
       if (sprite.state == kNoState) break;
     }
-    // An action may have entered another state of this layer; whatever it is in, no tics mean: go on.
+    // An action may have entered another state of this layer; whatever it is in, no tics mean: continue.
     if (sprite.tics != 0) break;
     state = world.catalog().state(sprite.state).next;
   }
@@ -263,7 +263,7 @@ bool select_weapon(World& world, int player_index, uint32_t type) {
   Player& player = player_at(world, player_index);
   if (!owns_weapon(world, player_index, type)) return false;
   if (player.ready_weapon == type) {
-    player.pending_weapon = kNoType;  // it stays, whatever was asked for before
+    player.pending_weapon = kNoType;  // it stays, whatever was requested before
     return true;
   }
   if (!has_any_ammo_for(world, player_index, type)) return false;

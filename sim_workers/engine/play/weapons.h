@@ -16,12 +16,12 @@ void drop_weapon(World& world, int player);  ///< lowers it: the player died
 /// Keys of this tic: slots (edge-triggered), next, previous.
 void choose_weapon(World& world, int player, const Buttons& buttons);
 bool select_weapon(World& world, int player,
-                   uint32_t type);  ///< asks for an owned weapon (SetWeapon); false: not owned
+                   uint32_t type);  ///< requests an owned weapon (SetWeapon); false: not owned
 void fire_weapon(World& world, int player, bool alternately = false);
 /// True where it has what a shot needs; otherwise picks another weapon, if `switches`.
 bool check_ammo(World& world, int player, bool switches, bool alternately = false);
 bool use_ammo(World& world, int player);               ///< one shot's; false without enough
-void tic_weapon(World& world, int player);             ///< its states go on
+void tic_weapon(World& world, int player);             ///< its states continue
 uint32_t best_weapon(const World& world, int player);  ///< by selection order, with ammunition
 int selected_slot(const World& world,
                   int player);  ///< SELECTED_WEAPON: -1 for none and for weapons in no slot

@@ -68,7 +68,7 @@ class ArtArchive {
   /// The index of palette 0, up to `last`, that is nearest to a colour; never kTransparentIndex.
   uint8_t nearest(Color color, std::size_t last = 255) const;
 
-  // Wall textures and flats share one name space where a map says the one for the other (as ZDoom allows):
+  // Wall textures and flats share one name space where a map uses the one for the other (as ZDoom allows):
   // wall() looks among the textures first, flat() among the flats first.
   bool has_surface(std::string_view name) const;
   Expected<IndexedImage> wall(std::string_view name) const;

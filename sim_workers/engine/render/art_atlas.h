@@ -65,7 +65,7 @@ class ArtAtlas {
   /// A sprite's frame, in other colours where `translation` is not null.
   Expected<SpriteSides> sprite(std::string_view name, int letter_index,
                                const Translation* translation = nullptr);
-  /// What stands in for an unknown texture.
+  /// What replaces an unknown texture.
   const AtlasRegion& checkerboard() const { return checkerboard_; }
   /// Forgets everything: what was handed out before shows something else from now on.
   void clear();

@@ -10,7 +10,7 @@
 namespace comrad::doom {
 namespace {
 
-// The dozen names of EGL that this file needs; its headers are not asked for.
+// The dozen names of EGL that this file needs; its headers are not needed.
 using EglDisplay = void*;
 using EglConfig = void*;
 using EglContextHandle = void*;

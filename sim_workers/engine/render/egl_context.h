@@ -1,5 +1,5 @@
 // OpenGL through EGL without a surface: a GPU's driver, or Mesa's software rasterizer where there is none.
-// The library is loaded when it is asked for, so that nothing links it. Stage: render.
+// The library is loaded when it is requested, so that nothing links it. Stage: render.
 #pragma once
 
 #include <memory>

@@ -351,7 +351,7 @@ const HudText::Canvas& HudText::canvas(const acs::HudMessage& message) {
     axis->step = static_cast<int64_t>(65536.0 / axis->pixels_per_unit);
   };
   if (own_size) {
-    // The 4:3 part in the middle of the screen; it ends above the status bar unless the script wants it too.
+    // The 4:3 part in the middle of the screen; it ends above the status bar unless the script requires it too.
     const double wide = std::min(1.0, (4.0 / 3.0) / screen_aspect_);
     canvas.width = hud_width, canvas.height = hud_height;
     scale(&canvas.across, width_, width_ * (1 - wide) / 2, wide, hud_width);

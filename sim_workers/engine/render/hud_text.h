@@ -1,5 +1,5 @@
 // Texts and pictures that scripts put into the frame (acs::HudMessage): fonts, colours, places, fades,
-// written by the CPU into the finished planar picture. A message without a HUD size of its own stands as on a
+// written by the CPU into the finished planar picture. A message without a HUD size is placed as on a
 // screen of 160x120, whatever the size that is drawn. Stage: render.
 #pragma once
 
@@ -32,7 +32,7 @@ struct Glyph {
 class Font {
  public:
   Font() { by_letter_.fill(-1); }
-  /// STCFN033 to that of `last_letter`: letters as graphics. Small letters stand in for missing capitals and
+  /// STCFN033 to that of `last_letter`: letters as graphics. Small letters replace missing capitals and
   /// the reverse.
   static Font from_graphics(const ArtArchive& archive, std::string_view prefix, int last_letter);
   /// A FON2 lump. Errors: kBadFormat.

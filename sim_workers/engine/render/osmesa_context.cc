@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-// osmesa.h wants the classic gl.h, which hides the core profile's types: the core header stands in for it.
+// osmesa.h requires the classic gl.h, which hides the core profile's types: the core header replaces it.
 #include <GL/glcorearb.h>
 #define __gl_h_
 #ifndef GLAPIENTRY
@@ -18,8 +18,7 @@
 namespace comrad::doom {
 namespace {
 
-constexpr int kSurfaceSize =
-    16;  // OSMesa insists on a buffer; the renderer draws into framebuffers of its own
+constexpr int kSurfaceSize = 16;  // OSMesa insists on a buffer; the renderer draws into its own framebuffers
 
 class OsmesaContext : public ContextProvider {
  public:

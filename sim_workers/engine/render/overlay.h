@@ -36,8 +36,8 @@ class Overlay {
   void draw_crosshair(int health, int palette, const uint32_t* colors, uint8_t* picture);
 
  private:
-  /// The packed colour of the present palette that is nearest to another one. A search through 256; what was asked
-  /// before is known (of every view the crosshair asks a dozen, mostly the same ones).
+  /// The packed colour of the present palette that is nearest to another one. A search through 256; earlier answers
+  /// are kept (each view's crosshair needs a dozen, mostly the same ones).
   uint32_t nearest(int palette, const uint32_t* colors, int red, int green, int blue);
   /// Smaller than any screen of the reference engine.
   bool is_small() const;

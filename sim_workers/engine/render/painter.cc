@@ -8,7 +8,7 @@ namespace comrad::doom {
 namespace {
 
 constexpr uint32_t kNoStrip = UINT32_MAX;
-// 1/depth of what no map is large enough for; a column may look a hair beyond a wall's end, where the line goes on to nothing.
+// 1/depth of what no map is large enough for; a column may look a hair beyond a wall's end, where the line continues to nothing.
 constexpr float kFarthestInverse = 1.0f / 131072.0f;
 
 /// std::floor() without a call, which compilers make of it on plain x86-64.

@@ -29,7 +29,7 @@ struct PictureColors {
 };
 
 /// For each palette and sight the colour of every texel index under every light row and tint, packed
-/// 0xBBGGRR. Tables are made when they are first asked for.
+/// 0xBBGGRR. Tables are made on first use.
 class ColorTables {
  public:
   explicit ColorTables(std::shared_ptr<const ArtArchive> archive);
@@ -39,7 +39,7 @@ class ColorTables {
   PictureColors select(int palette, Sight sight, std::span<const uint32_t> tints);
   /// The same in two steps, first what light makes of every index. Good until the next call.
   LightRows light_rows(Sight sight, std::span<const uint32_t> tints);
-  /// What palette entries make when they are mixed; made when it is first asked for.
+  /// What palette entries make when they are mixed; made on first use.
   const PaletteMixer& mixer();
 
  private:

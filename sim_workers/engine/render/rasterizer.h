@@ -19,7 +19,7 @@
 namespace comrad::doom {
 
 /// A pixel of the result: tint << kTintShift | light row << kAddressBits | texel address. In the blended
-/// layer the blend stands in the tint's place, and 0 means that nothing see-through covers the pixel.
+/// layer the blend is in the tint's place, and 0 means that nothing see-through covers the pixel.
 using TexelWord = uint32_t;
 
 class Rasterizer {

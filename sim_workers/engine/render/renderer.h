@@ -64,7 +64,7 @@ class Renderer {
   /// measurements; it draws the view once more. Returns the rows.
   virtual int draw_depth(const World& world, int player, std::vector<float>* depth) = 0;
   /// What is seen where, as ViZDoom labels it: `labels` [rows above the status bar, width] u8. Walls and sky are 0,
-  /// floors and ceilings 1, the weapon in hand 255; the things that show get values of their own between, the nearer
+  /// floors and ceilings 1, the weapon in hand 255; the things that show get their own values between, the nearer
   /// the higher (of more than 253 the farthest get 0). `things`: those, by rising value; the weapon's is the body
   /// that holds it. Costs a view more. Returns the rows.
   virtual int draw_labels(const World& world, int player, std::vector<uint8_t>* labels,

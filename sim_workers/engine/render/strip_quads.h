@@ -40,7 +40,7 @@ struct QuadList {
   }
 };
 
-/// Replaces `quads` by those of `list`. OpenGL asks at a pixel's centre, the painter at the places that Projection names: the
+/// Replaces `quads` by those of `list`. OpenGL samples at a pixel's centre, the painter at the places that Projection names: the
 /// quads lie that much beside the strips.
 void make_quads(const DrawList& list, const Projection& projection, QuadList* quads);
 

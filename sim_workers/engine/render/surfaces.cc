@@ -227,7 +227,7 @@ bool Surfaces::goes_on(const Piece& before, const Piece& now) const {
 }
 
 /// Adds the pieces of a run, as continuations of those of the run before where they are that. Both are in the same order: the
-/// search goes on behind the last that was found, and not far; a piece that is missed is drawn in two.
+/// search continues behind the last that was found, and not far; a piece that is missed is drawn in two.
 void Surfaces::add_pieces(const Look& look, int begin, int end) {
   next_run_pieces_.clear();
   std::size_t older = 0;

@@ -1,4 +1,4 @@
-// Walls, floors, ceilings and the sky of a view as strips. Floors need no triangles of their own in the level: a
+// Walls, floors, ceilings and the sky of a view as strips. Floors need no separate triangles in the level: a
 // floor's visible part is bounded by the walls seen in each column. Stage: render.
 #pragma once
 

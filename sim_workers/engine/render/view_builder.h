@@ -23,7 +23,7 @@ class ViewBuilder {
     list->opaque_end = list->strip_count();
     sprites_.emit();
   }
-  /// Only finds out what `view` sees of the map; visibility() tells.
+  /// Only finds out what `view` sees of the map; visibility() returns it.
   void look(const SceneView& view, DrawList* list) {
     frame_.begin(view, list);
     visibility_.look();

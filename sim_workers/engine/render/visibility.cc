@@ -209,7 +209,7 @@ void Visibility::add_span(const WallSpan& span) {
   }
 }
 
-/// Lines that move as one: their ends lie where the world has them now, and each stands in the sector that it
+/// Lines that move as one: their ends lie where the world has them now, and each is in the sector that it
 /// is in.
 void Visibility::collect_polyobjects() {
   const Scene& scene = *frame_.scene;

@@ -51,7 +51,7 @@ class Visibility {
   const SceneSide& near_side(const WallSpan& span) const;
 
  private:
-  /// What this picture knows of a line: the columns it covers, and whether it is among the spans yet.
+  /// This picture's record of a line: the columns it covers, and whether it is among the spans yet.
   struct LineView {
     uint64_t stamp = 0;
     enum class Kind : uint8_t { kUnseen, kPlain, kShown } kind = Kind::kUnseen;

@@ -106,7 +106,7 @@ bool start_one_crusher(World& world, uint32_t index, int32_t tag, const CrusherO
 
 int32_t order_crusher(World& world, const SpecialCall& call, const CrusherOrder& order) {
   int32_t result = 0;
-  // Those that Ceiling_CrushStop holds go on.
+  // Those that Ceiling_CrushStop holds continue.
   for (SectorMover& mover : world.state().movers.sectors) {
     if (mover.removed || mover.kind != MoverKind::kCrusher || mover.phase != MoverPhase::kInStasis) continue;
     if (mover.tag != call.args[0]) continue;

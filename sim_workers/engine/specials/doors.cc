@@ -184,7 +184,7 @@ void tic_door(World& world, SectorMover& door) {
           }
           break;
         case PlaneStep::kBlocked:
-          if (door.type != kClose) door.phase = MoverPhase::kUp;  // Door_Close goes on trying
+          if (door.type != kClose) door.phase = MoverPhase::kUp;  // Door_Close continues trying
           break;
         case PlaneStep::kMoved:
           break;

@@ -35,7 +35,7 @@ bool start_floor(World& world, const SpecialCall& call, uint32_t index, Fixed ta
   return true;
 }
 
-/// For each floor that rests, `find_target` (sector -> height) says where to.
+/// For each floor that rests, `find_target` (sector -> height) returns where to.
 template <typename FindTarget>
 int32_t order_floor(World& world, const SpecialCall& call, int32_t tag, bool up, const FloorOrder& order,
                     FindTarget find_target) {

@@ -103,7 +103,7 @@ std::optional<int32_t> execute_line_special(World& world, const SpecialCall& cal
     case Special::kSector_ChangeSound:
     case Special::kSetGlobalFogParameter:
       return 1;
-    case Special::kForceField:  // the line itself says no
+    case Special::kForceField:  // the line itself has no
       return 0;
     case Special::kClearForceField:  // tag
       return set_force_field(world, a[0], false);

@@ -9,8 +9,8 @@
 
 namespace comrad::doom {
 
-/// WorldEvents::run_special(), but for the specials that start scripts (acs/script_specials.h). Everybody else
-/// asks the world's events.
+/// WorldEvents::run_special(), but for the specials that start scripts (acs/script_specials.h). All other code
+/// calls the world's events.
 int32_t execute_special(World& world, const SpecialCall& call);
 
 /// WorldEvents::activate_line().
@@ -30,7 +30,7 @@ DamageType damage_type_of(int32_t number);
 void start_sector_specials(World& world);
 void tic_player_in_sector(World& world, int player);
 
-/// A script's damage takes the place of what the special says.
+/// A script's damage replaces the special's.
 void clear_special_damage(Sector& sector);
 
 /// Teleports to a destination with this thing id (or in a sector with this tag). True when the body

@@ -77,7 +77,7 @@ constexpr int32_t kTypeMask = 0xFF;       ///< of a sector's special: its type, 
 enum class PlaneStep : uint8_t { kMoved, kArrived, kBlocked };
 
 /// Moves a plane by `speed` towards `target`, at most to the other plane of its sector. A crusher
-/// (`crush` >= 0) goes on through the body it hurts, unless `hexen_crush` (or, of a floor that sinks, always)
+/// (`crush` >= 0) continues through the body it hurts, unless `hexen_crush` (or, of a floor that sinks, always)
 /// puts it back.
 PlaneStep step_floor(World& world, uint32_t sector, Fixed speed, Fixed target, bool up, int32_t crush = -1,
                      bool hexen_crush = false);
@@ -107,7 +107,7 @@ constexpr Fixed height_sum(Fixed a, int64_t b) {
 constexpr Angle byte_angle(int32_t arg) { return static_cast<Angle>(arg) << 24; }
 /// Damage of crush arguments: 0 does not crush.
 constexpr int32_t crush_of(int32_t arg) { return arg > 0 ? arg : -1; }
-/// crush mode: 0 and 1 Doom's (goes on), 2 Hexen's (waits), 3 Doom's.
+/// crush mode: 0 and 1 Doom's (continues), 2 Hexen's (waits), 3 Doom's.
 constexpr bool is_hexen_crush(int32_t mode) { return mode == 2; }
 
 inline bool has_line(const World& world, const SpecialCall& call) {
@@ -140,7 +140,7 @@ inline std::optional<uint32_t> front_sector_of(const World& world, const Special
   return world.level().sidedefs[line.front].sector_index;
 }
 
-/// What a plane turns into when it arrives, as the change argument of floors and ceilings says: 1 the texture
+/// What a plane turns into when it arrives, as the change argument of floors and ceilings selects: 1 the texture
 /// and no special, 2 the texture, 3 texture and special; + 4 of the neighbour at the target height instead of
 /// the calling line's front.
 void set_change(const World& world, const SpecialCall& call, SectorMover& mover, int32_t change,

@@ -32,7 +32,7 @@ struct PlatOrder {
   int32_t change = 0;  // 1: the texture of the calling line's front and no special; 2: the texture
 };
 
-/// Lifts of this tag that Plat_Stop holds go on.
+/// Lifts of this tag that Plat_Stop holds continue.
 void release_held(World& world, int32_t tag) {
   for (SectorMover& mover : world.state().movers.sectors) {
     if (mover.removed || mover.kind != MoverKind::kPlat || mover.phase != MoverPhase::kInStasis) continue;
@@ -128,7 +128,7 @@ int32_t hold_plats(World& world, int32_t tag) {
     if (mover.removed || mover.kind != MoverKind::kPlat || mover.phase == MoverPhase::kInStasis ||
         mover.tag != tag)
       continue;
-    mover.low_2 = static_cast<int32_t>(mover.phase);  // to go on with
+    mover.low_2 = static_cast<int32_t>(mover.phase);  // to continue with
     mover.phase = MoverPhase::kInStasis;
   }
   return 1;

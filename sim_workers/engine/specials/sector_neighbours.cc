@@ -5,7 +5,7 @@
 namespace comrad::doom {
 namespace {
 
-/// The best of what `pick` (sector -> value) says of the neighbours, where better(new, old).
+/// The best value of `pick` (sector -> value) over the neighbours, where better(new, old).
 template <typename Pick, typename Accept, typename Better>
 std::optional<Fixed> best_around(const World& world, uint32_t sector, Pick pick, Accept accept,
                                  Better better) {

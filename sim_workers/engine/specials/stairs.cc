@@ -109,7 +109,7 @@ int32_t build_pillar(World& world, const SpecialCall& call, int32_t crush) {
     pillar.high_2 = pillar.target;
     share_speed(pillar, speed_of(a[1]), std::abs(int64_t{pillar.target} - sector.floor_height),
                 std::abs(int64_t{sector.ceiling_height} - pillar.target));
-    pillar.crush = crush, pillar.hexen_crush = true;  // whatever its crush mode says
+    pillar.crush = crush, pillar.hexen_crush = true;  // whatever its crush mode
     start_mover(world, pillar);
     return true;
   });

@@ -85,7 +85,7 @@ std::optional<Destination> find_destination(World& world, int32_t thing_id, int3
     return Destination{spot->x, spot->y, in_air ? spot->z : kOnFloor, spot->angle};
   }
   if (tag == 0) return std::nullopt;
-  // Destinations without an id are no actors: the map knows them.
+  // Destinations without an id are no actors: the map has them.
   const uint32_t skill = thing_skill_flag(world.options().skill);
   for (uint32_t sector = 0; sector < world.sectors().size(); ++sector) {
     if (world.sectors()[sector].tag != tag) continue;
@@ -106,7 +106,7 @@ std::optional<Destination> find_destination(World& world, int32_t thing_id, int3
 
 // ---------------------------------------------------------------- the journey
 
-/// Sends `actor` there. False where somebody stands in the way.
+/// Sends `actor` there. False where somebody is in the way.
 bool travel(World& world, Actor& actor, const Destination& to, const Journey& journey) {
   if (actor.removed || actor.has(ActorFlag::kNoTeleport)) return false;
   const Fixed from_x = actor.x, from_y = actor.y, from_z = actor.z;
@@ -217,7 +217,7 @@ bool teleport_to(World& world, Actor& actor, int32_t thing_id, int32_t sector_ta
 std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall& call) {
   const auto& a = call.args;
   const auto send = [&](int32_t thing_id, int32_t tag, const Journey& journey) {
-    // Whoever comes from behind wants to leave the teleporter.
+    // An actor that comes from behind leaves the teleporter.
     if (call.activator == nullptr || call.back_side) return 0;
     const std::optional<Destination> to = find_destination(world, thing_id, tag);
     return to && travel(world, *call.activator, *to, journey) ? 1 : 0;

@@ -15,7 +15,7 @@
 namespace comrad::doom {
 namespace {
 
-constexpr Fixed kThrustSpeedMax = to_fixed(30);  // along each axis, unless unlimited is asked for
+constexpr Fixed kThrustSpeedMax = to_fixed(30);  // along each axis, unless unlimited is requested
 
 Fixed along(int64_t length, Angle angle, bool sine) {
   return clamped_fixed((length * (sine ? fine_sine(angle) : fine_cosine(angle))) >> kFracBits);
@@ -130,7 +130,7 @@ void hurt_or_heal(World& world, Actor& actor, Actor* source, int32_t amount, Dam
   }
 }
 
-/// A dormant thing wakes, a lamp goes on; or the other way round.
+/// A dormant thing wakes, a lamp continues; or the other way round.
 bool set_active(World& world, Actor& actor, bool active) {
   const ActorType& type = world.type_of(actor);
   const StateLabel label = active ? StateLabel::kActive : StateLabel::kInactive;

@@ -32,7 +32,7 @@ struct Actor {
   Angle angle = 0;
   Angle pitch = 0;  ///< positive down
   Fixed radius = 0, height = 0;
-  Fixed floor_z = 0, ceiling_z = 0, dropoff_z = 0;  ///< of the opening it stands in, other bodies included
+  Fixed floor_z = 0, ceiling_z = 0, dropoff_z = 0;  ///< of the opening it is in, other bodies included
   /// The same without other bodies, as it was when it moved last or a plane near it did. Under its whole box;
   /// of a body that was put somewhere (born, or placed by a script) under its centre alone.
   Fixed ground_z = 0, roof_z = 0;
@@ -40,10 +40,10 @@ struct Actor {
   uint32_t floor_sector_index = 0;  ///< that gives floor_z
   ActorFlags flags;
   int32_t health = 0;
-  int32_t start_health = 0;   ///< of its type or, where the map says it, of the map
+  int32_t start_health = 0;   ///< of its type or, where the map sets it, of the map
   uint32_t state = kNoState;  ///< index into the catalog's states
   int32_t tics = -1;          ///< left in this state; -1 for ever
-  uint32_t sprite = 0;        ///< as the state says; apart so that weapons' and scripts' changes can show
+  uint32_t sprite = 0;        ///< as the state sets; apart so that weapons' and scripts' changes can show
   uint8_t frame = 0;
 
   int32_t thing_id = 0;      ///< TID of scripts; 0 none

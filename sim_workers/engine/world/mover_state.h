@@ -30,7 +30,7 @@ struct SectorMover {
   uint32_t sector = 0;
   MoverKind kind = MoverKind::kFloor;
   MoverPhase phase = MoverPhase::kUp;
-  int32_t type = 0;  ///< variety, as its special says (raise-and-close, perpetual, ...)
+  int32_t type = 0;  ///< variety, by its special (raise-and-close, perpetual, ...)
   Fixed speed = 0, return_speed = 0;
   Fixed low = 0, high = 0;      ///< of a floor or a ceiling: where it stops
   Fixed low_2 = 0, high_2 = 0;  ///< of the other plane, where both move
@@ -44,7 +44,7 @@ struct SectorMover {
   Fixed phase_offset = 0, amplitude = 0, base = 0;  ///< waggle
   Fixed target = 0;                                 ///< of one plane that goes one way
   int32_t model_sector = -1;                        ///< the sector gets its special and damage at the end
-  bool hexen_crush = false;  ///< a crusher waits at the body it hurts instead of going on
+  bool hexen_crush = false;  ///< a crusher waits at the body it hurts instead of continuing
   bool stepwise = false;     ///< of stairs: pauses after each step of height
   int32_t step_tics = 0, pause_tics = 0, step_left_tics = 0;
   Fixed growth = 0;  ///< of a waggle's amplitude, per tic

@@ -77,7 +77,7 @@ struct Player {
   bool has_backpack = false;
 
   // The hand.
-  uint32_t ready_weapon = kNoType, pending_weapon = kNoType;  ///< pending kNoType: no change asked for
+  uint32_t ready_weapon = kNoType, pending_weapon = kNoType;  ///< pending kNoType: no change requested
   std::array<WeaponSprite, 2> weapon_sprites{};               ///< weapon, flash
   bool fires_alternately = false;              ///< the shot under way, or the last one, is AltFire's
   int32_t refire = 0;                          ///< shots of the present burst before this one

@@ -25,7 +25,7 @@ struct SpecialCall {
 
 /// How a line was touched. Who touches it counts as much: any way of crossing (or using) by a player is a
 /// player's, by a missile a missile's, by anybody else a monster's. A line that is activated by whatever
-/// crosses needs no call of its own.
+/// crosses needs no separate call.
 enum class Activation : uint8_t {
   kCross,
   kUse,
@@ -46,7 +46,7 @@ class WorldEvents {
   /// Does a special. False (0) where nothing happened; scripts get the number. An unknown special is one
   /// warning per world's level.
   virtual int32_t run_special(World& world, const SpecialCall& call) const = 0;
-  /// A line is touched: checks how it wants to be activated and by whom, runs its special, flips switches,
+  /// A line is touched: checks whether this activates it, runs its special, flips switches,
   /// forgets what works once. True when the special did something.
   virtual bool activate_line(World& world, uint32_t line, Actor& activator, bool back_side,
                              Activation how) const = 0;

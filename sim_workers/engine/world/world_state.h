@@ -1,5 +1,5 @@
 // What changes while a map is played, as plain data; a copy is a snapshot. Actors, players, movers and scripts
-// have headers of their own. Stage: tic.
+// have their own headers. Stage: tic.
 #pragma once
 
 #include <array>
@@ -50,7 +50,7 @@ struct LineState {
   std::array<int32_t, 5> args{};
   uint32_t flags = 0;
   int32_t id = 0;
-  float alpha = -1.0f;  ///< of its middle textures; below 0 as the level says
+  float alpha = -1.0f;  ///< of its middle textures; below 0: as in the level
 };
 
 /// A sidedef as play changes it.

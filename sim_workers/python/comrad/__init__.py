@@ -9,7 +9,7 @@
     comrad.export_encoder(module, "encoder.pt")                     # an encoder of your own, for comrad train --encoder encoder.pt
     run = comrad.Run("train_dir/RUN")                               # settings, metrics, checkpoints
 
-`scenarios()` names the scenarios, `describe(name)` says what one is. Errors of arguments and files are ValueError and
+`scenarios()` names the scenarios, `describe(name)` describes one. Errors of arguments and files are ValueError and
 FileNotFoundError with words; what the machine lacks (a library, an IWAD) is RuntimeError or FileNotFoundError saying what to install.
 """
 
@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 if TYPE_CHECKING:
     from torch import nn
 
-# An installed package brings the scenarios along; in a build folder the engine knows the sources.
+# An installed package brings the scenarios along; in a build folder the engine finds the sources.
 _data = pathlib.Path(__file__).parent / "data"
 if _data.is_dir():
     os.environ.setdefault("COMRAD_HOME", str(_data))

@@ -1,4 +1,4 @@
-"""The extension module; what its calls mean stands in env_batch.h."""
+"""The extension module; what its calls mean is in env_batch.h."""
 
 from typing import Any
 

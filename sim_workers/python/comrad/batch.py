@@ -29,7 +29,7 @@ MOST_DEPTH = 1e5  # map units; no map is as wide
 SCREEN_NAME = "screen"
 COPIES = (
     "an environment in the middle of an episode can be neither copied nor pickled: its world lives in threads of this process. Copy it "
-    "before the first step or after reset(); in this process another one can go on from its get_state(), by set_state()"
+    "before the first step or after reset(); in this process another one can continue from its get_state(), by set_state()"
 )
 Key = tuple[int, int | None]  # an episode: the number-th that follows from a seed, or (its own seed, None)
 
@@ -45,7 +45,7 @@ def make_batch(
     folder: str | os.PathLike | None = None,
     **options: Any,
 ) -> _engine.EnvBatch:
-    """An EnvBatch; `observations` are those of ARRAYS that are wanted beside the picture. What a .cfg asks for and COMRAD lacks is
+    """An EnvBatch; `observations` are those of ARRAYS that are wanted beside the picture. What a .cfg requests and COMRAD lacks is
     a UserWarning. Raises ValueError, FileNotFoundError."""
     if isinstance(observations, str):
         raise TypeError(f"observations is a list of names, as ({observations!r},)")
@@ -173,7 +173,7 @@ class Batched:
         return [(seed, number + 1) for seed, number in zip(self._arrays["stream_seed"].tolist(), self._arrays["episode_number"].tolist())]
 
     def _account(self) -> dict[str, np.ndarray]:
-        """Of the episodes that ended or go on: score J [E], the map's ceiling [E], their ratio [E] (NaN without a ceiling), returns
+        """Of the episodes that ended or continue: score J [E], the map's ceiling [E], their ratio [E] (NaN without a ceiling), returns
         [E, N], lengths in steps and in tics [E]."""
         score, ceiling = self._arrays["score"], self._arrays["ceiling"]
         share = np.divide(score, ceiling, out=np.full_like(score, np.nan), where=ceiling > 0)

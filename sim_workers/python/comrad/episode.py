@@ -23,7 +23,7 @@ class Episode:
     actions           u8 [decisions, N, heads]
     score, returns    J, and what each agent earned [N]
     state_hash        of the world at the end, 16 hex digits
-    about             everything that the file says
+    about             everything in the file
     """
 
     path: pathlib.Path

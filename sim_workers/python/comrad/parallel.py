@@ -45,11 +45,11 @@ class ComradParallelEnv(OneGame, ParallelEnv):
     size          (width, height) of the pictures that agents see
     dtype         of pictures: "uint8", 0..255, or "float32", 0..1
     channels_first  pictures are [3, h, w], not [h, w, 3]
-    observations  what is seen beside the picture: "depth" [h, w] f32 (map units, 0 for sky), "labels" [h, w] u8 (labels(agent) says
+    observations  what is seen beside the picture: "depth" [h, w] f32 (map units, 0 for sky), "labels" [h, w] u8 (labels(agent) lists
                   what the values mean), "automap", another picture, "measurements" [M] f32, "action_mask", a tuple of i8 [choices]
                   for each head, as action_space(agent).sample(mask=...) takes it, "agent_id" [N] f32, 1 at the agent's own index.
                   With any of them an observation is a dictionary with the picture as "screen", else the picture itself
-    automap_mode  "NORMAL" (walls that the agent has seen), "WHOLE", "OBJECTS" or "OBJECTS_WITH_SIZE"; "": NORMAL, or as a .cfg says
+    automap_mode  "NORMAL" (walls that the agent has seen), "WHOLE", "OBJECTS" or "OBJECTS_WITH_SIZE"; "": NORMAL, or as a .cfg sets
     folder        where the .cfg of that name lies: parallel_env("my_game", folder="my_games")
     reward        weights of reward terms in place of the scenario's, as comrad train's --reward: "kills=2,living=0"
     heads         action heads in place of the scenario's, as --heads
@@ -60,7 +60,7 @@ class ComradParallelEnv(OneGame, ParallelEnv):
     until the episode's end, which is common to all; one that died and does not come back has infos[agent]["active"] False and what
     it presses changes nothing. infos[agent] also hold, of the episode so far and in the last step of all of it, `score` J, `ceiling`,
     their ratio `score_share` (NaN without a ceiling), the agent's `episode_return`, `episode_length` in steps and `length_tics`.
-    state() is the true state of the world, f32 [S], as `state_names` says: positions, angles, speeds, health, and what the scenario's
+    state() is the true state of the world, f32 [S], as `state_names` describes: positions, angles, speeds, health, and what the scenario's
     script exports.
 
     The same seed, map and actions give the same episode, to the bit. Before the first step, and after any reset(), copy.deepcopy and
@@ -186,7 +186,7 @@ class ComradParallelEnv(OneGame, ParallelEnv):
         return answer
 
     def state(self) -> np.ndarray:
-        """The true state, f32 [S], as `state_names` says. Raises ValueError before the first reset()."""
+        """The true state, f32 [S], as `state_names` describes. Raises ValueError before the first reset()."""
         if not self._has_begun:
             raise ValueError("call reset() before state()")
         return self._arrays["state"][0].copy()

@@ -69,7 +69,7 @@ class Policy(nn.Module):
         choices = policy.greedy(logits)
 
     frames u8 [B, 3, 72, 128] (an environment with channels_first=True), measurements f32 [B, M] or None; logits f32 [B, A], the
-    choices of all heads behind one another; with Q-learning they are Q-values of each choice. `head_sizes` [heads] says how many
+    choices of all heads behind one another; with Q-learning they are Q-values of each choice. `head_sizes` [heads] is how many
     belong to each. The state is [layers, B, rnn_size] (LSTM: [2 layers, B, rnn_size], hidden states before cells); without a recurrent
     core it comes back as it is.
 
@@ -115,7 +115,7 @@ class Policy(nn.Module):
         self.action_head = linear_of(shapes, "action_head")
         if "value_head.weight" in shapes:
             self.value_head = linear_of(shapes, "value_head")
-        # Agents that the network tells apart by their number; 0: it does not.
+        # Agents that the network distinguishes by their index; 0: it does not.
         self.id_count = int(settings["num_agents"]) if settings.get("agent_id_input") else 0
         try:
             self.load_state_dict({**buffers_of(self.encoder), **tensors})
@@ -251,10 +251,10 @@ vars(_FOR_LIBTORCH).update({**vars(pickle), "Pickler": _Pickler})
 
 def save_policy(policies: nn.Module | list[nn.Module], like: str | os.PathLike, path: str | os.PathLike) -> None:
     """Writes a checkpoint that `comrad eval --policy` plays: that of `like`, a checkpoint or run, with the modules' weights and input
-    statistics in place of its own. One module for a network that agents share, else one for each agent, in their order; a Policy says
+    statistics in place of its statistics. One module for a network that agents share, else one for each agent, in their order; a Policy states
     itself which agent it is. A module of your own has parameters of the names and shapes that load_policy(like).state_dict() has; the
     statistics (normalizer...) and the value head may be missing and stay as in `like`. `path` lies in a run's folder
-    (RUN/checkpoint/NAME.pt), whose config.toml says what is played. Raises ValueError for a missing or unknown tensor or shape."""
+    (RUN/checkpoint/NAME.pt), whose config.toml defines what is played. Raises ValueError for a missing or unknown tensor or shape."""
     checkpoint = read_checkpoint(like)
     network = dict(checkpoint[NETWORK])
     architecture = checkpoint.get(ARCHITECTURE, {})
@@ -293,7 +293,7 @@ def _of_agent(network: dict[str, Tensor], agent: int) -> dict[str, Tensor]:
 
 
 def _head_sizes(settings: dict[str, Any]) -> list[int] | None:
-    """Choices of each head, where the engine knows the scenario here; else None."""
+    """Choices of each head, where the scenario is installed here; else None."""
     if settings.get("heads"):
         return None
     from . import describe

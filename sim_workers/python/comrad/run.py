@@ -29,12 +29,12 @@ class Run:
 
     @property
     def status(self) -> dict[str, Any]:
-        """The state of the run as it was told last: state, frames, rates, J. Empty before its first."""
+        """The state of the run in the last report: state, frames, rates, J. Empty before its first."""
         file = self.folder / "status.json"
         return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
     def reports(self) -> list[dict[str, Any]]:
-        """The lines of metrics.jsonl, rising in env frames (learner/METRICS.md says what stands in them). Where a learner went
+        """The lines of metrics.jsonl, rising in env frames (learner/METRICS.md explains them). Where a learner went
         back to a checkpoint, what it forgot is left out; damaged lines are too; evaluations stand where they belong."""
         file = self.folder / "metrics.jsonl"
         return [report for _, _, report in read_reports(file)[0]] if file.is_file() else []

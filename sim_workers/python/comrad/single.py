@@ -32,19 +32,19 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     size                 (width, height) of the picture that is seen
     depth, labels,       whether these are observed as well; None: where the .cfg enables their buffers
     automap
-    automap_mode         "NORMAL" (walls that were seen), "WHOLE", "OBJECTS", "OBJECTS_WITH_SIZE"; "": as the .cfg says
+    automap_mode         "NORMAL" (walls that were seen), "WHOLE", "OBJECTS", "OBJECTS_WITH_SIZE"; "": as the .cfg sets
     dtype                of pictures: "uint8", 0..255, or "float32", 0..1
     channels_first       pictures are [3, h, w], not [h, w, 3]
     layout               another WAD than the .cfg's, or the same: where the .cfg has no doom_map, all maps of it are played in turn, from
                          the first after a reset with a seed. A folder of WADs or several WADs: so are these, one map of each
-    reward               weights of the .cfg's rewards in place of its own: "living_reward=0"
+    reward               weights of the .cfg's rewards in place of the file's: "living_reward=0"
 
     Spaces have the names of ViZDoom's wrapper: an observation is {"screen": [h, w, 3] u8, "depth": [h, w, 1] f32 (map units, 0 for
-    sky), "labels": [h, w, 1] u8 (labels() says what the values mean), "automap": [h, w, 3] u8, "gamevariables": f32 in the order of
-    the .cfg}, each where it is asked for. Of screen_format = GRAY8 screen and automap are [h, w, 1]; every other format is RGB, as
+    sky), "labels": [h, w, 1] u8 (labels() explains the values), "automap": [h, w, 3] u8, "gamevariables": f32 in the order of
+    the .cfg}, each where it is requested. Of screen_format = GRAY8 screen and automap are [h, w, 1]; every other format is RGB, as
     there. An action is that of the buttons, or {"binary": ..., "continuous": f32} where the .cfg has delta buttons as well.
     Differences: pictures are drawn at `size`, not at the .cfg's resolution; depth is float; the automap has no floor textures and no
-    smooth lines; audio and notifications are not there (a warning says so); after the last step the observation is the true last
+    smooth lines; audio and notifications are missing (with a warning); after the last step the observation is the true last
     picture, not zeros. The last step's info holds score to length_tics as ComradParallelEnv's infos[agent] do.
 
     The same seed and actions give the same episode, to the bit; reset() without a seed begins the next episode of that seed. Copies and

@@ -22,7 +22,7 @@ class ComradTeamEnv(gymnasium.Env):
     """A team as one Gymnasium Env, as EPyMARL's GymMA and Level-based Foraging have it: spaces are Tuples over the N agents,
     observations tuples, actions sequences, rewards a list of N floats; terminated and truncated are the episode's.
 
-    `env` plays. gymnasium.make("comrad/LavaPit-v1", **options) makes both, with flat_actions=True, as GymMA wants Discrete actions.
+    `env` plays. gymnasium.make("comrad/LavaPit-v1", **options) makes both, with flat_actions=True, as GymMA requires Discrete actions.
     info holds `active` and `episode_return` (lists), `score`, `ceiling`, `score_share`, `episode_length` and `length_tics`. state() and state_space are ComradParallelEnv's; n_agents is N.
     """
 

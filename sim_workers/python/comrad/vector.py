@@ -96,7 +96,7 @@ class ComradVectorEnv(Batched, gymnasium.vector.VectorEnv):
         num_envs = checked_whole("num_envs", num_envs)
         self._copy, self._dtype = bool(copy), checked_dtype(dtype)
         if dtype != "uint8" and not copy:
-            raise ValueError(f"copy=False returns the engine's own uint8; dtype {dtype!r} wants copy=True")
+            raise ValueError(f"copy=False returns the engine's own uint8; dtype {dtype!r} requires copy=True")
         self._mode = _checked_autoreset(autoreset_mode)
         batch = make_batch(
             scenario,

@@ -1,4 +1,4 @@
-"""Two agents who press at random, and what they earned: python3 random_agents.py [scenario]"""
+"""Two agents that press at random, and what they earned: python3 random_agents.py [scenario]"""
 
 import sys
 

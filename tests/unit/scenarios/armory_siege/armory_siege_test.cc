@@ -48,7 +48,7 @@ TEST(ArmorySiege, DoorsFollowTheTimetable) {
   for (int hundred = 0; hundred < 24; ++hundred) {
     stage.run(90);
     core(stage).health = 1000;
-    // A has a third opening that goes on into the next cycle: from the second cycle on it is open at 1200
+    // A has a third opening that continues into the next cycle: from the second cycle on it is open at 1200
     // as well.
     for (int door = 0; door < 3; ++door)
       EXPECT_EQ(door_opening(stage, door) > 56, open_at[door][hundred % 12])

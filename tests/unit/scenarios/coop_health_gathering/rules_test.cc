@@ -162,7 +162,7 @@ TEST(CoopHealthGatheringRules, APairThatStaysWithinItsTetherIsLeftAlone) {
 }
 
 TEST(CoopHealthGatheringRules, ABlockedPairIsCountedOnce) {
-  // Each in a cell of its own: no pull can bring them together.
+  // Each in its own cell: no pull can bring them together.
   doom::test::LevelBuilder builder;
   const uint32_t room = builder.sector(0, 384, 900);
   builder.room(room, -340, -40, -260, 40)

@@ -1,6 +1,6 @@
 // Every scenario with every team size that it is for: on varied layouts the scripted team gets at least nine
 // tenths of what it gets on the default map, both as shares of what the map allows, or the map is not made.
-// Takes half an hour on two cores: label long. COMRAD_LAYOUTS says how many layouts of each, COMRAD_EACH=1 prints
+// Takes half an hour on two cores: label long. COMRAD_LAYOUTS is the number of layouts of each, COMRAD_EACH=1 prints
 // each layout's share beside what its axes drew.
 #include <gtest/gtest.h>
 

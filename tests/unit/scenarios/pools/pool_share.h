@@ -64,7 +64,7 @@ inline PlayedLayout played_layout(const std::string& scenario, int num_agents, c
   if (!game) return ADD_FAILURE() << game.error().message, PlayedLayout{};
   const auto summary = play_oracle_episode(*game, seed);
   if (!summary) return ADD_FAILURE() << summary.error().message, PlayedLayout{};
-  EXPECT_GT(summary->ceiling, 0) << scenario << ": a map that says it is not for " << num_agents;
+  EXPECT_GT(summary->ceiling, 0) << scenario << ": a map that claims not to be for " << num_agents;
   return {.share = summary->ceiling > 0 ? summary->score / summary->ceiling : 0.0,
           .length_tics = summary->length_tics};
 }

@@ -91,7 +91,7 @@ TEST_F(BasedScenario, PlaysTheBasesMapsByteForByte) {
 
   const auto ceilings = default_ceilings(*load_scenario(gentle));
   ASSERT_TRUE(ceilings) << ceilings.error().message;
-  EXPECT_EQ(ceilings->at(2), 2000) << "its own, whatever the map says";
+  EXPECT_EQ(ceilings->at(2), 2000) << "its own, whatever the map contains";
 
   PoolRequest request;
   request.count = 2;

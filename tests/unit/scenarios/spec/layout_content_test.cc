@@ -47,7 +47,7 @@ TEST(LayoutContent, TheSeedMakesNoOtherMapEvenWhereTheScriptReadsIt) {
 
 TEST(LayoutContent, NumbersThatTheScriptNamesCountAndOthersDoNot) {
   const auto map = [](const char* head, const char* script) { return content(wad_of(256, head, script)); };
-  const char* const used = "int n = Lift_Speed;\n";  // ACS knows names in any case of letters
+  const char* const used = "int n = Lift_Speed;\n";  // ACS ignores the case of names
   EXPECT_NE(map("#define LIFT_SPEED 1\n", used), map("#define LIFT_SPEED 2\n", used));
   EXPECT_NE(map("int lift_speed[2] = {1, 2};\n", used), map("int lift_speed[2] = {1, 3};\n", used));
   for (const char* unused : {"int n = LIFT_SPEED_MAX;\n", "// LIFT_SPEED\n", "/* LIFT_SPEED\n */ int n;\n"})

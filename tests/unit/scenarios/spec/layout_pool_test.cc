@@ -103,7 +103,7 @@ TEST_F(LayoutPool, AMapIsInAPoolOnceAndAnExhaustedRecipeSaysHowManyThereAre) {
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().code, ErrorCode::kBadInput);
   EXPECT_THAT(made.error().message,
-              AllOf(HasSubstr("40 layouts for training were asked for"), HasSubstr("repetitions"),
+              AllOf(HasSubstr("40 layouts for training were requested"), HasSubstr("repetitions"),
                     HasSubstr("leave out some of the parameters that were set")));
   EXPECT_GT(tally.repeated, 100);
   const auto maps = count_distinct_maps("lava_maze", request, 300);
@@ -372,7 +372,7 @@ TEST_F(LayoutPool, StealthLabyrinthsStagesLeadToItsOwnMap) {
     for (const char* harder : {"rooms", "strength", "first_health", "room_length"})
       EXPECT_GE(now.at(harder), before.at(harder)) << harder;
     EXPECT_LE(now.at("first_margin"), before.at("first_margin"));
-    const auto start_at = [](const ParameterValues& of) {  // a map that has its default does not say so
+    const auto start_at = [](const ParameterValues& of) {  // a map that has its default omits it
       return of.contains("start_at") ? of.at("start_at") : 0;
     };
     EXPECT_LE(start_at(now), start_at(before));

@@ -1,4 +1,4 @@
-// What the seed varies where a pool asks for it: at least ten thousand geometries each, within the rules that
+// What the seed varies where a pool requests it: at least ten thousand geometries each, within the rules that
 // the recipe's checks keep, and the published map where nothing is varied.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -47,7 +47,7 @@ learning_rate = 3e-4
 async_rl = false
 )";
 
-/// Points data_dir() at a folder of its own with the scenario "toy".
+/// Points data_dir() at its own folder with the scenario "toy".
 class ScenarioLoader : public testing::Test {
  protected:
   void SetUp() override {

@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kToml = R"(name = "my_scenario"
 title = "My Scenario"
-summary = "Two agents in a room of somebody's own."
+summary = "Two agents in a user's room."
 difficulty = 1
 default_agents = 2
 supported_agents = [2]

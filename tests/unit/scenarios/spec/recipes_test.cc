@@ -163,7 +163,7 @@ TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
     const auto spec = load_scenario(name);
     ASSERT_TRUE(spec) << spec.error().message;
     const auto row = published.find(name);
-    if (row == published.end()) continue;  // a scenario of somebody's own
+    if (row == published.end()) continue;  // a user's scenario
     const EnvShape shape = spec->shape(spec->default_agents, true);
     EXPECT_EQ(spec->difficulty, row->second.difficulty);
     EXPECT_EQ(shape.joint_action_count(), row->second.actions);

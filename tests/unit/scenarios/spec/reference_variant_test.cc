@@ -29,7 +29,7 @@ ScenarioSpec load(const std::string& name) {
   return spec ? *std::move(spec) : ScenarioSpec();
 }
 
-/// What two agents are told in an episode, and what they are paid for it.
+/// What two agents receive in an episode, and what they are paid for it.
 class Record {
  public:
   explicit Record(const std::string& name)
@@ -112,7 +112,7 @@ TEST(ReferenceVariant, HaresWereNeverPaidInStagHunt) {
 }
 
 TEST(ReferenceVariant, AKillIsPaidToBothHuntersAndShellsToNone) {
-  // Dumb Enemies, IPPO, episode 20: 57 hits apart are 17.1 of reward apart; kills part nobody.
+  // Dumb Enemies, IPPO, episode 20: 57 hits apart are 17.1 of reward apart; kills make no difference.
   const auto kills = [](const std::string& name, double hits, double shells) {
     Record record(name);
     record.set("AMMO3", 20)
@@ -133,7 +133,7 @@ TEST(ReferenceVariant, AKillIsPaidToBothHuntersAndShellsToNone) {
 }
 
 TEST(ReferenceVariant, HealthsSurvivorOf642TicsIsPaidAsItsRecord) {
-  // HAPPO, episode 23: 100 points lost, 25 gained by one kit of the team: 10 + 2.5 - 5 + 0.05 for who survives.
+  // HAPPO, episode 23: 100 points lost, 25 gained by one kit of the team: 10 + 2.5 - 5 + 0.05 for survivors.
   Record record("coop_health_gathering@reference");
   record.decide()
       .set("HEALTH", 20)

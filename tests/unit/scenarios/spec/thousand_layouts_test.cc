@@ -65,7 +65,7 @@ TEST_P(AThousandLayouts, AreValidAndComeAtTwentyASecond) {
   // Of the half that draws axes; Dumb Enemies for two makes one combination in six.
   EXPECT_LT(left_out, count * 9 / 20);
   EXPECT_GE(static_cast<int>(hashes.size()), count / 2 - left_out)
-      << "every layout with drawn axes is a map of its own";
+      << "every layout with drawn axes is its own map";
   EXPECT_LE(refused, count / 20);
 #ifdef NDEBUG  // the claim is about optimised builds
   EXPECT_GT(count / seconds, 20.0);

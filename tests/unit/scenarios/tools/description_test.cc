@@ -1,4 +1,4 @@
-// What `comrad scenarios describe` says, beside what the scenarios' files say.
+// What `comrad scenarios describe` states, beside what the scenarios' files say.
 #include "scenarios/tools/description.h"
 
 #include <gmock/gmock.h>

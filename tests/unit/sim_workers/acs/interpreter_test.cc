@@ -558,7 +558,7 @@ TEST(Interpreter, StopsABrokenScriptWithItsNameAndAddress) {
       EXPECT_NE(game.error().find("TEST: script 31 at 0x"), std::string::npos) << game.error();
       EXPECT_NE(game.error().find(broken.message), std::string::npos)
           << broken.message << " / " << game.error();
-      EXPECT_EQ(game.global(2), 1) << "other scripts go on";
+      EXPECT_EQ(game.global(2), 1) << "other scripts continue";
       EXPECT_TRUE(game.machine().threads.empty());
     }
   }
@@ -588,7 +588,7 @@ TEST(Interpreter, CountsScriptsThatNeverYield) {
 }
 
 TEST(Interpreter, CalledResultsShareTheirCallersInstructions) {
-  // Script 1 asks script 2 for results for ever; each answer is quick, all of them are not.
+  // Script 1 requests results of script 2 for ever; each answer is quick, all of them are not.
   BehaviorBuilder code(Container::kCompact);
   code.named_script("answer").push(7).op(PCode::kSetResultValue).end();
   code.script(1, kOpen);

@@ -516,7 +516,7 @@ TEST(ScenarioNeeds, PlayerInputTellsOfTurnsLooksAndButtons) {
   buttons = {};
   buttons.turn_right = buttons.speed = true;
   scene.tics(1);
-  EXPECT_EQ(shown(kYaw), -1280) << "turning goes on";
+  EXPECT_EQ(shown(kYaw), -1280) << "turning continues";
 
   buttons = {};
   buttons.look_up = buttons.move_up = true;

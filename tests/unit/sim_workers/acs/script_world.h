@@ -30,7 +30,7 @@ inline std::shared_ptr<const Behavior> load(const BehaviorBuilder& builder) {
   return behavior ? *behavior : nullptr;
 }
 
-/// The room of one_room() with whatever a test wants in it. Scripts of type OPEN and ENTER have started; the
+/// The room of one_room() with whatever a test requires in it. Scripts of type OPEN and ENTER have started; the
 /// first tic() runs them.
 class ScriptWorld {
  public:
@@ -54,7 +54,7 @@ class ScriptWorld {
   World world;
 };
 
-/// What an OPEN script leaves in global 1, in the container asked for; errors fail the test.
+/// What an OPEN script leaves in global 1, in the requested container; errors fail the test.
 template <typename Write>
 int32_t evaluate(Container container, Write write) {
   BehaviorBuilder code(container);

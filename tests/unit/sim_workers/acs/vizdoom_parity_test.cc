@@ -22,7 +22,7 @@ namespace vizdoom_parity_test {
 
 using Row = std::array<int64_t, 61>;  // USER numbers; 0 stays empty
 
-/// A room of 2048 units with a sector of its own in one corner (tag 5), a spot and a monster.
+/// A room of 2048 units with its own sector in one corner (tag 5), a spot and a monster.
 std::string room_text() {
   std::string text = "namespace = \"zdoom\";\n";
   const auto thing = [&](int type, int x, int y, int angle, int id) {

@@ -263,7 +263,7 @@ TEST(Decorate, ListsBeginAnewInTheTypeThatNamesOne) {
 // ---- flags
 
 TEST(Decorate, FlagsAreSetAndClearedByEveryName) {
-  // All names that the table of flags knows; the lump's prefixes do not matter.
+  // All names in the table of flags; the lump's prefixes do not matter.
   const char* names[] = {"SOLID",
                          "SHOOTABLE",
                          "NOBLOCKMAP",

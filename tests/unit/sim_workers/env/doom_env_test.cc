@@ -109,7 +109,7 @@ TEST(DoomEnvironment, FrameSkipIsHowLongADecisionLasts) {
 TEST(DoomEnvironment, ButtonsAreHeldForAllTicsOfADecision) {
   DoomEnvironment env(one_room_game());
   env.reset(1);
-  for (int i = 0; i < 2; ++i) env.step(kIdle);  // who is born stands still for eight tics
+  for (int i = 0; i < 2; ++i) env.step(kIdle);  // a newly spawned monster stands still for eight tics
   const doom::Angle before = env.world().body(0).angle;
   env.step(std::vector<int32_t>{0, 1, 0, 0});
   EXPECT_NEAR(static_cast<double>(env.world().body(0).angle - before) / 4294967296.0 * 360.0, 4 * 1.7578125,
@@ -262,7 +262,7 @@ TEST(DoomEnvironment, MeasurementsAreScaledShiftedAndClipped) {
 TEST(DoomEnvironment, TheGlobalStateTellsOfAllAgentsAndWhatScriptsExport) {
   const auto game = clock_game();
   game->spec.exports = {{.name = "clock", .user = 1, .meaning = ""}, {.name = "", .user = 7, .meaning = ""}};
-  EXPECT_EQ(DoomEnvironment(game).shape().global_state_count, 0) << "nobody asked";
+  EXPECT_EQ(DoomEnvironment(game).shape().global_state_count, 0) << "not requested";
   game->use_global_state = true;
   DoomEnvironment env(game);
   const std::vector<std::string> names = scenarios::global_state_names(game->spec, 2);

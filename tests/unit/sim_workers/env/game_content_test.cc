@@ -72,7 +72,7 @@ TEST(GameContent, LoadsTheLibrariesOfLoadacs) {
 
   const auto alone = load(room().add("ENDMAP").add("EXTRA", library).add("LOADACS", "EXTRA"));
   ASSERT_TRUE(alone.has_value()) << alone.error().message;
-  ASSERT_NE(alone->behavior, nullptr) << "a map without scripts of its own";
+  ASSERT_NE(alone->behavior, nullptr) << "a map without scripts";
   EXPECT_NE(alone->behavior->find_script(77), nullptr);
 }
 

@@ -90,9 +90,9 @@ TEST_F(Layouts, ManyMoreThanAreKeptComeAndGo) {
   const std::weak_ptr<const DoomGame> second = *(*library)->game(1);
   for (int layout = 0; layout < (*library)->size(); ++layout) {
     ASSERT_TRUE((*library)->game(layout));
-    ASSERT_EQ((*library)->game(0)->get(), first.get()) << "who is asked for stays";
+    ASSERT_EQ((*library)->game(0)->get(), first.get()) << "a requested game stays";
   }
-  EXPECT_TRUE(second.expired()) << "who is not is forgotten";
+  EXPECT_TRUE(second.expired()) << "others are dropped";
 }
 
 TEST_F(Layouts, TheScriptedTeamIsMadeForTheLayoutThatItPlays) {

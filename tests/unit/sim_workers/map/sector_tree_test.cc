@@ -14,7 +14,7 @@ namespace sector_tree_test {
 
 constexpr int kSide = 12, kSpacing = 64;
 
-/// kSide x kSide crooked fields, each a sector of its own, with two-sided lines between them.
+/// kSide x kSide crooked fields, each its own sector, with two-sided lines between them.
 Level crooked_fields(uint64_t seed) {
   Rng rng(seed);
   Level level;

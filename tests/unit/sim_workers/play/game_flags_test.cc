@@ -80,7 +80,7 @@ TEST(GameFlags, WeaponsForSeveralPlayersMayBeLeftOut) {
   }
 }
 
-// 1 050 tics after it was taken an item is back; powers of the great kind only with a flag of their own.
+// 1 050 tics after it was taken an item is back; powers of the great kind only with their own flag.
 TEST(GameFlags, ItemsComeBackAlsoWithoutADeathmatch) {
   for (const bool powers_too : {false, true}) {
     test::LevelBuilder map = room();

@@ -1,4 +1,4 @@
-// A world for tests of monsters: one player, actors put where a test wants them.
+// A world for tests of monsters: one player, actors put where a test requires them.
 #pragma once
 
 #include <functional>

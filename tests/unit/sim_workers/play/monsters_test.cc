@@ -424,7 +424,7 @@ TEST(TypedDamage, LooksForItsOwnPainStateWithoutAllocating) {
   };
   const uint64_t before = comrad::test::allocations_of_this_thread();
   EXPECT_EQ(frame_after(DamageType::kFire), 2);
-  EXPECT_EQ(frame_after(DamageType::kInstantDeath), 1) << "no state of its own: any pain";
+  EXPECT_EQ(frame_after(DamageType::kInstantDeath), 1) << "no separate state: any pain";
   EXPECT_EQ(frame_after(DamageType::kFire), 2);
   EXPECT_EQ(comrad::test::allocations_of_this_thread() - before, 0u);
 }

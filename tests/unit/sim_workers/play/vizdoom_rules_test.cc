@@ -560,7 +560,7 @@ TEST(VizdoomRules, AChangedFlagCounts) {
   EXPECT_TRUE(world.find_thing(5)->has(ActorFlag::kNoGravity));
 }
 
-// Probe: a step of 24, then a teleport: the eye goes on rising from where it is.
+// Probe: a step of 24, then a teleport: the eye continues rising from where it is.
 TEST(VizdoomRules, ATeleportLeavesTheEyeItsWay) {
   test::LevelBuilder room = plain_room();
   room.thing(14, 600, 0, 0, 90);
@@ -582,7 +582,7 @@ TEST(VizdoomRules, AJumpIsForgottenWhileATeleportHoldsThePlayer) {
   EXPECT_EQ(game.tics_to_jump(40), 19);
 }
 
-// Probe: sectors of the map with damageamount 49, 50 and 120: every 32 tics, or as damageinterval says. Sector_SetDamage of 50 and
+// Probe: sectors of the map with damageamount 49, 50 and 120: every 32 tics, or as damageinterval describes. Sector_SetDamage of 50 and
 // more: every tic.
 TEST(VizdoomRules, ASectorOfTheMapHurtsAsOftenAsItSays) {
   for (const int32_t interval : {kDamageIntervalTics, 0}) {
@@ -847,7 +847,7 @@ TEST(VizdoomRules, ACycleKeyCountsWhileTheOtherIsUp) {
   }
 }
 
-// Probe: SetPlayerProperty(0, 1, PROP_INSTANTWEAPONSWITCH): the fist is ready in the tic that asks for it.
+// Probe: SetPlayerProperty(0, 1, PROP_INSTANTWEAPONSWITCH): the fist is ready in the tic that requests it.
 TEST(VizdoomRules, WeaponsMayChangeAtOnce) {
   Game game(plain_room().build());
   for (int tic = 0; tic < 30; ++tic) game.tic();

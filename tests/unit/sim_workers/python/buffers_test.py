@@ -49,7 +49,7 @@ def lines_of(automap):
 
 class Labels(unittest.TestCase):
     def check(self, picture, labels):
-        """Every value has a label of its own whose box holds its pixels exactly; nearer things have higher ones."""
+        """Every value has its own label whose box holds its pixels exactly; nearer things have higher ones."""
         self.assertEqual([label.value for label in labels], sorted({*np.unique(picture)} - {0, 1}))
         for label in labels:
             self.assertEqual((label.x, label.y, label.width, label.height), box_of(picture == label.value), label)
@@ -98,7 +98,7 @@ class Labels(unittest.TestCase):
     def test_who_did_not_ask_has_none(self):
         env = comrad.parallel_env("stag_hunt_arena")
         env.reset(seed=1)
-        with self.assertRaisesRegex(ValueError, "have no labels; ask for them"):
+        with self.assertRaisesRegex(ValueError, "have no labels; request them"):
             env.labels("agent_0")
         with self.assertRaisesRegex(ValueError, "agent 'agent_7' is none of"):
             env.labels("agent_7")
@@ -152,7 +152,7 @@ class Files(unittest.TestCase):
 
 @unittest.skipUnless(vizdoom, "needs the package vizdoom")
 class BesideVizdoom(unittest.TestCase):
-    """The first picture of maps whose things stand where the map says."""
+    """The first picture of maps whose things stand where the map puts them."""
 
     def first_pictures(self, name, mode):
         with tempfile.TemporaryDirectory() as folder:

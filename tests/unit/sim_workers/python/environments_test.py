@@ -40,7 +40,7 @@ class PettingZoo(unittest.TestCase):
         parallel_seed_test(lambda: comrad.parallel_env("coop_health_gathering"), num_cycles=20)
 
     def test_it_renders(self):
-        os.environ["SDL_VIDEODRIVER"] = "dummy"  # a window that nobody sees
+        os.environ["SDL_VIDEODRIVER"] = "dummy"  # an invisible window
         render_test(lambda render_mode: parallel_to_aec(comrad.parallel_env("lava_pit", render_mode=render_mode, render_size=(64, 36))))
         env = comrad.parallel_env("lava_pit", render_mode="rgb_array", render_size=(64, 36))
         env.reset(seed=1)
@@ -106,7 +106,7 @@ class Episodes(unittest.TestCase):
         env.close()
 
     def test_an_episode_ends_with_its_account(self):
-        # Nobody presses anything: the floor kills both after a while, or time is up.
+        # No button is pressed: the floor kills both after a while, or time is up.
         env = comrad.parallel_env("coop_health_gathering", size=(16, 16))
         env.reset(seed=1)
         total, steps, infos = 0.0, 0, {}

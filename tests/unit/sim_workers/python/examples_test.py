@@ -68,7 +68,7 @@ class Examples(unittest.TestCase):
             train = ("train", "--scenario=platform_chain", f"--train_dir={folder}", "--experiment=vit", "--num_workers=1",
                      "--num_envs_per_worker=4", "--batch_size=128", "--device=cpu")
             run(*train, f"--encoder={file}", "--train_for_env_frames=3000")
-            run(*train, f"--encoder={file}", "--train_for_env_frames=5000")  # the same file: the run goes on
+            run(*train, f"--encoder={file}", "--train_for_env_frames=5000")  # the same file: the run continues
             os.remove(file)  # the run has its own copy
             os.rename(f"{folder}/vit", f"{folder}/moved")
             played = json.loads(run("eval", "--policy", f"{folder}/moved", "--episodes=1", "--json", "--device=cpu"))

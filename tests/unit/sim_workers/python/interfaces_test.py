@@ -68,7 +68,7 @@ class Copies(unittest.TestCase):
             pickle.dumps(env)
         env.reset()
         again[0].reset()
-        self.assertEqual(copy.deepcopy(env).state_hash(), again[0].state_hash())  # the streams go on alike
+        self.assertEqual(copy.deepcopy(env).state_hash(), again[0].state_hash())  # the streams continue alike
         for one in (env, fresh, *again):
             one.close()
 

@@ -3,7 +3,7 @@
 
     PYTHONPATH=build/python libraries_test.py FOLDER [unittest arguments]
 
-RLlib and BenchMARL get environments of their own in FOLDER (some 500 MB), beside the packages of this Python. A case is skipped in a
+RLlib and BenchMARL get their own environments in FOLDER (some 500 MB), beside the packages of this Python. A case is skipped in a
 line where pip cannot get its library, or where it is missing; ends with 77 where nothing could be played.
 """
 

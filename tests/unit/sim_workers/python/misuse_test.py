@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What callers do wrong: each is an exception with words, and the environment goes on.
+"""What callers do wrong: each is an exception with words, and the environment continues.
 
     PYTHONPATH=build/python misuse_test.py [unittest arguments]
 """
@@ -61,7 +61,7 @@ class Misuse(unittest.TestCase):
         self.refuses(ValueError, "a scenario for a team|comrad.parallel_env('stag_hunt_arena')", comrad.gym_env, "stag_hunt_arena")
         self.refuses(ValueError, "comrad/LavaPit-v2: this package has version 1", make, "comrad/LavaPit-v2")
         self.refuses(ValueError, "dtype 'float64': it is one of uint8, float32", make, "lava_pit", dtype="float64")
-        self.refuses(ValueError, "dtype 'float32' wants copy=True", comrad.vector_env, "lava_pit", dtype="float32", copy=False)
+        self.refuses(ValueError, "dtype 'float32' requires copy=True", comrad.vector_env, "lava_pit", dtype="float32", copy=False)
         self.refuses(ValueError, "autoreset_mode 'Later': it is one of 'NextStep', 'SameStep', 'Disabled'", comrad.vector_env, "lava_pit",
                      autoreset_mode="Later")
         self.refuses(ValueError, "max_buttons_pressed -1", comrad.gym_env, "basic", max_buttons_pressed=-1)
@@ -90,7 +90,7 @@ class Misuse(unittest.TestCase):
         for wrong in (0, [0], np.zeros(99, int), np.zeros(len(action["agent_0"])), "left", None):
             self.refuses(ValueError, "action of agent_0", env.step, {**action, "agent_0": wrong})
         self.refuses(ValueError, "agent 1, head 0: it must lie in 0..", env.step, {**action, "agent_1": np.array([7, *[0] * (len(action["agent_1"]) - 1)])})
-        env.step(action)  # it goes on
+        env.step(action)  # it continues
         self.refuses(TypeError, "in the middle of an episode|neither copied nor pickled|get_state()", copy.deepcopy, env)
         self.refuses(TypeError, "neither copied nor pickled", pickle.dumps, env)
         env.close()
@@ -260,7 +260,7 @@ class Misuse(unittest.TestCase):
                 own.reset(seed=1)
                 own.close()
                 words += "; its own plays"
-            except Exception as error:  # noqa: BLE001 (told to the parent)
+            except Exception as error:  # noqa: BLE001 (sent to the parent)
                 words += repr(error)
             os.write(write, words.encode())
             os._exit(0)

@@ -176,7 +176,7 @@ class Policies(unittest.TestCase):
     def test_an_onnx_file_chooses_the_same_actions_in_a_played_episode(self):
         try:
             import onnxruntime
-            import onnxscript  # noqa: F401 (torch.onnx.export wants it)
+            import onnxscript  # noqa: F401 (torch.onnx.export requires it)
         except ImportError as missing:
             self.skipTest(f"{missing}; ./comrad test installs it (deploy/requirements_test.txt)")
         policy = self.load("gru", agent=0)

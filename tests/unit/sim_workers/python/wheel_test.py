@@ -155,7 +155,7 @@ class Wheel(unittest.TestCase):
         package = pathlib.Path(played.stdout.strip()).parent
         self.assertTrue(package.is_relative_to(self.folder / "empty"))
 
-        # A machine without libpng: its name in the extension is one that nobody has.
+        # A machine without libpng: its name in the extension is one that no library has.
         bare = self.folder / "bare" / "comrad"
         shutil.copytree(package, bare)
         engine = next(bare.glob("_engine*.so"))

@@ -390,7 +390,7 @@ TEST_F(HudMessages, FadeOutAndTypeOn) {
 TEST_F(HudMessages, TakeTheColourAsked) {
   acs::HudMessage red = message("A", 0, 0);
   red.color = 6;
-  EXPECT_EQ(show({red}).count(kLetter), 0) << "a letter of its own colour is index 90";
+  EXPECT_EQ(show({red}).count(kLetter), 0) << "its own letter colour is index 90";
   acs::HudMessage plain = message("\x1CgA\x1C-B", 0, 0);  // \cg red, \c- back to its own
   const Picture both = show({plain});
   EXPECT_EQ(both.count(kLetter), 0);

@@ -35,7 +35,7 @@ std::shared_ptr<const Level> hall() {
   return test::with_open_lines(builder.build());
 }
 
-/// A world with kits on the floor and the platform; player 1 stands in player 0's view.
+/// A world with kits on the floor and the platform; player 1 is in player 0's view.
 World scene() {
   auto catalog = std::make_shared<const ActorCatalog>();
   World world(hall(), catalog);

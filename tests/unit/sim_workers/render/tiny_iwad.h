@@ -1,4 +1,4 @@
-// The smallest IWAD that holds everything the renderer asks for, made in memory: a palette of known colours,
+// The smallest IWAD that holds everything the renderer requests, made in memory: a palette of known colours,
 // one texture per need, one sprite with eight sides. Tests built on it need no game files.
 #pragma once
 

@@ -65,7 +65,7 @@ TEST(World, PlayersWithoutAStartTakeADeathmatchStartEach) {
       EXPECT_EQ(world.body(player).y, to_fixed(100));
       taken.insert(world.body(player).x);
     }
-    EXPECT_EQ(taken.size(), 3u) << "nobody stands in another";
+    EXPECT_EQ(taken.size(), 3u) << "nobody is in another";
     second_player.insert(world.body(1).x);
   }
   EXPECT_EQ(second_player.size(), 3u) << "which one is drawn";

@@ -72,7 +72,7 @@ std::shared_ptr<const Level> battlefield() {
   return builder.build();
 }
 
-/// Buttons that are held for a while, from dice of their own.
+/// Buttons that are held for a while, from separate dice.
 class RandomHands {
  public:
   RandomHands(uint64_t seed, int players)

@@ -1,4 +1,4 @@
-// comrad-sim-worker as a process of its own: real map, real pixels, joined over the run's socket.
+// comrad-sim-worker as its own process: real map, real pixels, joined over the run's socket.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -164,7 +164,7 @@ TEST_F(SimProgram, JoinsPlaysSurvivesAKillAndLeavesOnSigterm) {
   child = join();
   drain(arena, 20, &rollouts);
   for (std::size_t env = 0; env < 4; ++env)
-    EXPECT_GT(rollouts[env], before[env]) << "environment " << env << " goes on";
+    EXPECT_GT(rollouts[env], before[env]) << "environment " << env << " continues";
 
   kill(child, SIGINT);  // Ctrl-C is the supervisor's to answer
   drain(arena, 8, &rollouts);

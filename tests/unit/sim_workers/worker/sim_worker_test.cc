@@ -152,7 +152,8 @@ class Shadow {
     for (int step = 0; step < length; ++step) {
       check_row(slab, step);
       for (int agent = 0; agent < static_cast<int>(agents); ++agent) {
-        EXPECT_EQ(slab.policy_version(step, agent), episode_step_) << "the slot told the decision's number";
+        EXPECT_EQ(slab.policy_version(step, agent), episode_step_)
+            << "the slot contained the decision's number";
         EXPECT_EQ(slab.value(step, agent),
                   test::fake_value(slab.frame(step, agent), static_cast<float>(episode_step_)));
       }
@@ -243,7 +244,7 @@ class Shadow {
       EXPECT_EQ(slab.final_value(row, agent),
                 truncated ? test::fake_value(slab.final_frame(row, agent), static_cast<float>(episode_step_))
                           : 0.0f)
-          << "a true end is worth nothing, a cut-off one what the policy says with its state kept";
+          << "a true end is worth nothing, a cut-off one the policy's value with its state kept";
   }
 
   const int env_;
@@ -346,7 +347,7 @@ TEST(SimWorker, WithoutFreeSlabsItWaitsAndGoesOnWhenOneComes) {
   host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "all slabs sealed");
   const uint64_t answers = host.policy.answers();
   host.await_looks_in_vain();
-  EXPECT_EQ(host.policy.answers(), answers) << "nobody acts without a slab";
+  EXPECT_EQ(host.policy.answers(), answers) << "no agent acts without a slab";
   check_rollouts(host, options, 3);
 }
 
@@ -370,7 +371,8 @@ TEST(SimWorker, OneSplitWorksLikeTwo) {
 TEST(SimWorker, EpisodeRecordsTellTheRawReturnAndTheScore) {
   const ToyOptions options = toy(5, 5, 0.0);
   ArenaShape shape = small_arena_shape();
-  shape.sim_worker_count = 1;  // alone, so that nobody takes all slabs before environment 0 has its first
+  shape.sim_worker_count =
+      1;  // alone, so that no other simulator takes all slabs before environment 0 has its first
   Host host(shape, options, false, {.seed = kSeed, .rewards = {.scale = 10.0f}});
   host.start();
   // Replay environment 0's first episode from its first slab.
@@ -423,7 +425,7 @@ TEST(SimWorker, LockStepPassesTheGateOncePerRollout) {
     host.await([&] { return host.arena.slabs().sealed_count() == 8; }, "one slab of every environment");
     const uint64_t answers = host.policy.answers();
     host.await_looks_in_vain();
-    EXPECT_EQ(host.policy.answers(), answers) << "nobody runs ahead";
+    EXPECT_EQ(host.policy.answers(), answers) << "no agent runs ahead";
     for (const uint32_t slab : host.arena.slabs().drain(100)) {
       EXPECT_EQ(host.arena.slabs().header(static_cast<int>(slab)).rollout_index, rollout);
       shadows[host.arena.slabs().header(static_cast<int>(slab)).env_index].check(host.arena, slab);
@@ -839,7 +841,7 @@ TEST(SimWorker, LayoutsComeFromTheMailboxEveryFewEpisodes) {
     const auto& played = clerk.layouts_played[static_cast<int>(env)];
     ASSERT_GE(played.size(), 15u);
     for (std::size_t k = 0; k < played.size(); ++k)
-      EXPECT_EQ(played[k], (env + k / 2) % 3) << "the episode is told under the layout it was played on";
+      EXPECT_EQ(played[k], (env + k / 2) % 3) << "the episode is reported under the layout it was played on";
     EXPECT_EQ(host.arena.layout_mailboxes().of(static_cast<int>(env)).late.load(), 0u);
   }
 }
