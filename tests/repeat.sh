@@ -37,7 +37,7 @@ tree_of() { # a process and all below it
   echo "$1"
   for child in $(pgrep -P "$1" || true); do tree_of "${child}"; done
 }
-# Tests put what they start into process groups of their own, so the whole tree is halted, which ends its growth, and then killed.
+# Tests put what they start into their own process groups, so the whole tree is halted, which ends its growth, and then killed.
 stop_jobs() {
   local job tree before
   for job in "${jobs_of_run[@]}"; do

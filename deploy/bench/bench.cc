@@ -1,5 +1,5 @@
 // `comrad bench`: throughput of one stage alone (engine, render, sim, inference, learner: the worker program's own --bench;
-// transport, replay: programs with flags of their own), of the whole pipeline (train), or of many of these (scaling).
+// transport, replay: programs with their own flags), of the whole pipeline (train), or of many of these (scaling).
 
 #include <algorithm>
 #include <cstdio>
@@ -28,7 +28,7 @@ using nlohmann::ordered_json;
 /// With settings of a run.
 const std::vector<std::string> kBenches = {"engine", "render",  "sim",   "inference", "learner",
                                            "train",  "scaling", "check", "report",    "model"};
-/// Programs with flags of their own.
+/// Programs with their own flags.
 const std::vector<std::string> kProgramBenches = {"transport", "replay"};
 
 std::vector<std::string> all_benches() {
@@ -60,7 +60,7 @@ Status check(const BenchFlags& flags, const CommandLine& line) {
   if (std::ranges::find(kBenches, flags.what) == kBenches.end()) {
     if (std::ranges::find(kProgramBenches, flags.what) != kProgramBenches.end())
       return Error{ErrorCode::kBadInput, "write `comrad bench " + flags.what + " [flags]`: the " +
-                                             flags.what + "'s bench has flags of its own"};
+                                             flags.what + "'s bench has its own flags"};
     return Error{ErrorCode::kBadInput, "unknown bench '" + flags.what + "'" +
                                            did_you_mean(flags.what, all_benches()) + " (" +
                                            joined(all_benches()) + ")"};

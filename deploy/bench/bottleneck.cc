@@ -85,10 +85,10 @@ std::string bottleneck_text(const PipelineNumbers& numbers) {
   const double busiest = std::max({numbers.sim_busy, numbers.policy_busy, numbers.learner_busy});
   if (busiest < kNeverWaits)
     return beside +
-           "nobody is busy all the time, simulators, policy workers and learner wait for each other's "
+           "no component is saturated: simulators, policy workers and learner wait for each other's "
            "hand-overs, and " +
            idle + "set --num_envs_per_worker " + std::to_string(2 * numbers.num_envs_per_worker) + ".";
-  // Who never waits is waited for.
+  // The component that never waits is the bottleneck.
   if (numbers.learner_busy == busiest)
     return beside + "the learner never waits (busy " + percent(busiest) + "), and " + idle +
            (numbers.is_on_gpu ? "set a larger --batch_size."

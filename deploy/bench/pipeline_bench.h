@@ -13,7 +13,7 @@ namespace comrad::deploy {
 
 struct PipelineBench {
   double seconds = 20, warmup_seconds = 5;  ///< both after the first update
-  std::vector<std::string> notes = {};      ///< told at the start
+  std::vector<std::string> notes = {};      ///< printed at the start
   bool shows_progress = true;
 };
 

@@ -1,5 +1,5 @@
-// Everybody with everybody: the row's player has seat 0, the column's all others. With two agents that is the matrix of
-// zero-shot coordination; with more, a newcomer in a team of its own.
+// Each player with each: the row's player has seat 0, the column's all others. With two agents that is the matrix of
+// zero-shot coordination; with more, a newcomer in its own team.
 #pragma once
 
 #include <nlohmann/json.hpp>

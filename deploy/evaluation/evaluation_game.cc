@@ -40,7 +40,7 @@ MergedSettings with_own_rewards(MergedSettings merged) {
   return merged;
 }
 
-/// A run's settings with what the user asks on top, to be evaluated with.
+/// A run's settings with the user's settings on top, to be evaluated with.
 Expected<MergedSettings> settings_onto(const RunConfig& trained, const EvaluationRequest& request,
                                        const UserSettings& user, const CommandLine& line, int core_count) {
   RunConfig run = trained;
@@ -63,7 +63,7 @@ Expected<MergedSettings> settings_onto(const RunConfig& trained, const Evaluatio
   return with_own_rewards(std::move(merged));
 }
 
-/// The game's settings: the first run's, or new ones where nobody is a run.
+/// The game's settings: the first run's, or new ones without a run.
 Expected<MergedSettings> settings_for(const std::vector<Player>& players, const EvaluationRequest& request,
                                       UserSettings user, const CommandLine& line, int core_count) {
   const auto first = std::ranges::find_if(players, &Player::is_network);

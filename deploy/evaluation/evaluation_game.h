@@ -1,5 +1,5 @@
 // The game that all players of one evaluation meet in: its settings, its maps and what they hash to, and the scores that
-// J is compared with. The first run that is named says what is played, the user's flags on top.
+// J is compared with. The first run that is named decides what is played, the user's flags on top.
 #pragma once
 
 #include <memory>

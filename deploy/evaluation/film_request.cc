@@ -71,7 +71,7 @@ Expected<FilmPlan> check_films(const FilmRequest& request) {
 HalfWrittenFilm::HalfWrittenFilm(const std::string& video) : video_(video) {
   const fs::path path = video;
   if (video.empty()) return;
-  // The name's end tells the container.
+  // The name's end selects the container.
   const auto hidden = [&path](const char* state) {
     return path.parent_path() / (std::string(kHalfWrittenMark) + std::to_string(getpid()) + state + "-" +
                                  path.filename().string());

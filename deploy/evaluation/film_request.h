@@ -1,4 +1,4 @@
-// What a user asks to be filmed, checked before anything starts.
+// The videos that a user requests, checked before anything starts.
 #pragma once
 
 #include <filesystem>

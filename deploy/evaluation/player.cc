@@ -21,7 +21,7 @@ std::string heads_text(const EnvShape& env) {
   return joined(std::span(env.head_sizes).first(static_cast<std::size_t>(env.head_count)), "x");
 }
 
-/// What of the agents' tensors differs, as game_difference() says it; empty where nothing does.
+/// What of the agents' tensors differs, as game_difference() describes it; empty where nothing does.
 std::string shape_difference(const EnvShape& trained, const EnvShape& played) {
   const auto differ = [](const std::string& what, auto there, auto here) {
     return what + " is " + std::to_string(there) + " there and " + std::to_string(here) + " here";

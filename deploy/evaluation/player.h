@@ -1,4 +1,4 @@
-// One that can play the seat of an agent: a run's network, a seat of the scripted team, chance, or nobody.
+// A player for an agent's seat: a run's network, a seat of the scripted team, random play, or no action.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ struct Player {
   SeatPlayer kind = SeatPlayer::kNoop;
   // Of a network alone.
   std::string run_dir;
-  RunConfig trained;  ///< as config.toml of its run says
+  RunConfig trained;  ///< as config.toml of its run states
   std::string checkpoint;
   std::string config_hash, checkpoint_hash;
   RunConfig config;     ///< `trained` with what the user typed on top
@@ -25,7 +25,7 @@ struct Player {
   bool is_network() const { return kind == SeatPlayer::kNetwork; }
 };
 
-/// Reads who is meant: "random", "oracle", "noop", a run (its folder, or an experiment below `train_dir`), or a checkpoint
+/// Reads a player: "random", "oracle", "noop", a run (its folder, or an experiment below `train_dir`), or a checkpoint
 /// in a run's folder (a path that ends in .pt). Its settings and its checkpoint, unless one was named, are still to be
 /// found. Errors: those of find_run() and load_run_config(); kNotFound for a checkpoint that is not there.
 Expected<Player> find_player(const std::string& name, const std::string& train_dir);

@@ -1,4 +1,4 @@
-// What `comrad eval` is asked for, as typed.
+// The arguments of `comrad eval`, as typed.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ struct EvaluationRequest {
   std::vector<std::string> seats = {};     ///< "AGENT=PLAYER"
   std::vector<std::string> cross_play = {};  ///< players that meet each other
   double episodes = 100;
-  std::string maps = {};        ///< "train", "held_out", or empty: what the run's kind of maps asks for
+  std::string maps = {};        ///< "train", "held_out", or empty: what the run's kind of maps requests
   std::string checkpoint = {};  ///< of the one policy; empty: that which --load_checkpoint_kind names
   bool greedy = true;
   bool stochastic = false;

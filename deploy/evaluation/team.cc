@@ -85,7 +85,8 @@ Expected<std::vector<Team>> make_teams(const EvaluationRequest& request, int num
   const auto agents = static_cast<std::size_t>(num_agents);
   std::vector<Team> teams;
   if (!request.cross_play.empty()) {
-    if (agents < 2) return bad("--cross_play: this team has one agent, so nobody can meet in it");
+    if (agents < 2)
+      return bad("--cross_play: this team has one agent, so there is no partner to cross-play with");
     for (const std::string& row : request.cross_play)
       for (const std::string& column : request.cross_play) {
         std::vector<std::string> players(agents, column);

@@ -1,4 +1,4 @@
-// Who plays which agent: the teams that an evaluation plays one after the other.
+// Which player plays which agent: the teams that an evaluation plays one after the other.
 #pragma once
 
 #include <string>
@@ -22,7 +22,7 @@ Status check_teams(const EvaluationRequest& request);
 /// The names of all players, each once, in the order in which they were typed.
 std::vector<std::string> player_names(const EvaluationRequest& request);
 
-/// The teams of `num_agents` agents that a checked request asks for; for a cross-play row by row: the row's player has
+/// The teams of `num_agents` agents of a checked request; for a cross-play row by row: the row's player has
 /// seat 0, the column's all others. Errors: kBadInput for a seat beyond the team, and for one without a player.
 Expected<std::vector<Team>> make_teams(const EvaluationRequest& request, int num_agents);
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Everything that needs a GPU to be known, on a machine that has one: builds with a CUDA PyTorch, runs the unit tests of the
 # learner and the policy workers, compares CPU and GPU, measures all algorithms on two scenarios, and trains 100 M env frames.
-# A part that fails is told, and the others go on. Writes OUT/gpu.json and OUT/gpu.md; logs of all parts stay in OUT.
+# A part that fails is reported, and the others run. Writes OUT/gpu.json and OUT/gpu.md; logs of all parts stay in OUT.
 #
 #   deploy/gpu/check.sh [--wheels FOLDER] [--out FOLDER] [--device cuda] [--seconds 20] [--env_frames 1e8] [--preset paper]
 #   deploy/gpu/check.sh --built --build FOLDER [--out FOLDER] ...
@@ -97,7 +97,7 @@ if ((!built)); then
 fi
 part doctor sees_a_gpu || true
 if ((!dry)) && ! grep -q '"name":"cuda","level":"OK","found":"[^"]*--device auto' "${out}/parts/doctor.out"; then
-  say "no GPU is seen: $(grep -o '"name":"cuda"[^}]*' "${out}/parts/doctor.out" || echo 'doctor says nothing of CUDA')"
+  say "no GPU is seen: $(grep -o '"name":"cuda"[^}]*' "${out}/parts/doctor.out" || echo 'doctor does not describe CUDA')"
   write_report
   exit 1
 fi

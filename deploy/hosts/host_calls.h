@@ -17,7 +17,7 @@ using Variable = std::function<std::string(const char* name)>;
 std::string environment_variable(const char* name);
 
 /// Whether this program was started by hand or by a job's script in an allocation of more tasks than one. A program that
-/// srun started is one of those tasks and calls nobody.
+/// srun started is one of those tasks and contacts no host.
 bool is_alone_in_an_allocation(const Variable& variable);
 
 /// Completes the settings where other hosts are to be called: the run serves, on the interface that leads to them.
@@ -29,7 +29,7 @@ Status prepare_calls(RunConfig& config, const Variable& variable);
 std::vector<HostStart> ssh_calls(const std::string& hosts, const std::vector<std::string>& words,
                                  const std::string& own_program);
 
-/// The programs that make other hosts join; none where nobody is to be called. `own_program` is this program's path.
+/// The programs that make other hosts join; none without hosts to contact. `own_program` is this program's path.
 std::vector<HostStart> host_calls(const RunConfig& config, const Variable& variable,
                                   const std::string& own_program);
 

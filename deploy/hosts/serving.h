@@ -1,4 +1,4 @@
-// A run that other hosts may join: what is checked before it starts, and its door. Stage: before a run.
+// A run that other hosts may join: what is checked before it starts, and its join endpoint. Stage: before a run.
 #pragma once
 
 #include <string>
@@ -22,7 +22,7 @@ Expected<std::string> open_door(const std::string& run_dir, const RunConfig& con
 /// Starts the simulators of a run with --link dds: a run in its folder that joins it.
 HostStart own_simulators(const RunConfig& config, const std::string& run_dir, const std::string& program);
 
-/// What the user reads when the door opens.
+/// The message about how other hosts join.
 std::string door_note(const std::string& address, const RunConfig& config);
 
 }  // namespace comrad::deploy

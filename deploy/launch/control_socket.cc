@@ -30,7 +30,7 @@ std::string answer_of(const Status& status) {
   return status ? line_of({{"ok", true}}) : refused(status.error().message);
 }
 
-/// The same user, or root, who may do anything anyhow.
+/// The same user, or root, which has every right anyhow.
 std::string refusal(int client) {
   const Peer peer = peer_of(client);
   if (peer.user == static_cast<int64_t>(geteuid()) || peer.user == 0) return "";

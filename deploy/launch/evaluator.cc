@@ -96,7 +96,7 @@ std::vector<std::string> Evaluator::tick() {
   waiting_.erase(waiting_.begin());
   if (Status started = start(next); !started) {
     words.push_back("the evaluation " + at_text(next) + " could not be started (" + started.error().message +
-                    "); the run goes on without evaluations");
+                    "); the run continues without evaluations");
     is_stopped_ = true;
   }
   return words;
@@ -130,7 +130,7 @@ void Evaluator::look(std::vector<std::string>& words) {
 Status Evaluator::start(const Snapshot& snapshot) {
   const RunSettings& run = plan_.config.run;
   COMRAD_TRY_ASSIGN(const Descriptor output, folder_.open_scratch());
-  // Small, on the CPU and on no core of its own: it takes what the run leaves.
+  // Small, on the CPU and on no reserved core: it takes what the run leaves.
   ChildOptions options;
   options.program = plan_.program("comrad");
   options.arguments = {"eval",
@@ -180,13 +180,13 @@ std::string Evaluator::finish(const ExitStatus& how) {
     said = Error{ErrorCode::kPeerLost, how.text() + (words.empty() ? "" : "; its last line: " + words)};
   }
   current_.reset();
-  if (is_stopped_ && !said) return "";  // it was told to go; its checkpoint waits for the next start
+  if (is_stopped_ && !said) return "";  // it was stopped; its checkpoint waits for the next start
   // One that could not be evaluated would fail the next time as well.
   folder_.remove(snapshot);
   done_.insert(point_of(snapshot.env_frames));
   next_look_s_ = 0;
   if (said) return *said;
-  return "the evaluation " + at_text(snapshot) + " failed (" + said.error().message + "); the run goes on";
+  return "the evaluation " + at_text(snapshot) + " failed (" + said.error().message + "); the run continues";
 }
 
 Expected<std::string> Evaluator::record() {

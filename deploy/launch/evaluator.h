@@ -1,11 +1,11 @@
 // Evaluations beside a run that trains. The learner saves a checkpoint whenever another eval_every_env_frames are
-// passed; `comrad eval --background` plays it, in processes and shared memory of its own, while the run goes on:
+// passed; `comrad eval --background` plays it, in its own processes and shared memory, while the run continues:
 //
 //   learner ── a line of checkpoint/evaluations.jsonl, then the .pt that it names ──▶ Evaluator
 //   Evaluator ── the .pt ──▶ comrad eval ── one JSON object ──▶ Evaluator
 //   Evaluator ── eval/J ... ──▶ metrics.jsonl and eval/events.out.tfevents.*; the checkpoint is deleted
 //
-// Requests whose checkpoint exists wait: what a killed run had not played lies there when it is resumed, and what stands in
+// Requests whose checkpoint exists wait: what a killed run had not played lies there when it is resumed, and what is in
 // metrics.jsonl is not played again. Stage: beside the flow of frames.
 #pragma once
 
@@ -32,7 +32,7 @@ Expected<MetricValues> evaluation_metrics(const std::string& json);
 /// One evaluation at a time, the oldest checkpoint first. Threads: the supervisor's.
 class Evaluator {
  public:
-  /// More waiting ones than this are not kept: the oldest are dropped, and the user is told.
+  /// More waiting ones than this are not kept: the oldest are dropped, with a message.
   static constexpr std::size_t kMostWaiting = 8;
 
   /// What the arguments name outlives the evaluator. Nothing is done where the plan evaluates nothing.

@@ -65,7 +65,7 @@ void HostTeam::call(Host& host, double now_s, std::vector<std::string>& words) {
 
 void HostTeam::look_at(Host& host, double now_s, std::vector<std::string>& words) {
   for (const std::string& line : host.process->read_lines()) {
-    spdlog::info("{} says: {}", host.start->name, line);
+    spdlog::info("{}: {}", host.start->name, line);
     host.last_line = line;
   }
   if (const std::optional<ExitStatus> how = host.process->poll_exit()) return ended(host, *how, now_s, words);

@@ -22,7 +22,7 @@ class HostTeam {
 
   /// One turn of the supervisor's loop: starts what is due, once the run is at work. Returns what the user should read.
   std::vector<std::string> tick(bool is_running);
-  /// Nobody is called any more. Hosts leave at the run's end; those that do not are asked to after a while, and given up.
+  /// No further host is contacted. Hosts leave at the run's end; those that do not are requested to after a while, and dropped.
   void stop();
   bool any_alive() const;
   /// They leave at once.
@@ -33,7 +33,7 @@ class HostTeam {
  private:
   struct Host {
     const HostStart* start = nullptr;
-    std::unique_ptr<Process> process;  ///< the end of its input asks it to leave
+    std::unique_ptr<Process> process;  ///< the end of its input requests it to leave
     RestartHistory history;
     double start_at_s = 0;  ///< the next call
     double started_s = 0;

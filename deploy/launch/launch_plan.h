@@ -1,4 +1,4 @@
-// What a run on this host is to do: the merged settings, who chooses the actions, when it ends.
+// What a run on this host is to do: the merged settings, what chooses the actions, when it ends.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 
 namespace comrad::deploy {
 
-/// Who chooses the actions.
+/// What chooses the actions.
 enum class PolicySource {
   kTraining,    ///< a learner trains and publishes
   kCheckpoint,  ///< a learner in serve mode publishes one checkpoint's weights
@@ -40,17 +40,16 @@ struct FilmPlan {
 /// that ends.
 struct HostStart {
   std::string name;                  ///< for people: "host a", "srun"
-  std::vector<std::string> command;  ///< first a path, or a name that PATH knows
+  std::vector<std::string> command;  ///< first a path, or a name on PATH
   bool is_needed = false;            ///< without it the run fails
 };
 
 /// What to run. `config` is merged and resolved; `run_dir` exists and holds config.toml.
 struct LaunchPlan {
   RunConfig config;
-  EnvShape env;         ///< from `comrad-scenarios describe`
-  NetworkSize network;  ///< from `comrad-policy-worker --describe`; nothing without a learner
-  int64_t decision_limit =
-      0;  ///< of the scenario, in decisions of 4 tics whatever env_frameskip says; 0: none
+  EnvShape env;                ///< from `comrad-scenarios describe`
+  NetworkSize network;         ///< from `comrad-policy-worker --describe`; nothing without a learner
+  int64_t decision_limit = 0;  ///< of the scenario, in decisions of 4 tics whatever env_frameskip is; 0: none
   std::string run_dir;
   PolicySource policy = PolicySource::kTraining;
   std::string checkpoint;               ///< kCheckpoint: the file to serve
@@ -60,13 +59,13 @@ struct LaunchPlan {
   double seconds = 0;                   ///< > 0: stop after so long (bench); measured after the first update
   double warmup_seconds = 0;            ///< not counted in `seconds`
   bool show_progress = true;            ///< one line on a terminal, plain lines when piped; to stderr
-  std::vector<std::string> notes = {};  ///< told at the start, in the terminal and the log
+  std::vector<std::string> notes = {};  ///< printed at the start, in the terminal and the log
   int lock_descriptor = -1;  ///< RunDirectory::lock_descriptor(); the learner holds it too until it has left
   std::string bin_dir;       ///< where the worker programs lie; empty: beside this program
   RestartLimits restarts;
   double join_timeout_s = 120 * patience();  ///< a worker that has not joined by then is stuck
   std::vector<HostStart> hosts = {};         ///< are made to join once the run is at work
-  std::string door_address = {};             ///< what they are told
+  std::string door_address = {};             ///< the address they join
   bool leaves_with_input = false;            ///< the end of the standard input ends the run, as SIGTERM does
   double patience_s = 300;                   ///< kFeeding: how long the learner's host may be silent
   bool simulators_join =
@@ -76,11 +75,11 @@ struct LaunchPlan {
   bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()
   bool keeps_episodes = false;   ///< simulators write each episode into episodes_folder(), which is there
 
-  /// What simulator `index` writes, in the run's folder: JSON lines as sim_workers/worker/position_log.h says.
+  /// What simulator `index` writes, in the run's folder: JSON lines as sim_workers/worker/position_log.h describes.
   std::string positions_path(int index) const {
     return run_dir + "/positions_" + std::to_string(index) + ".jsonl";
   }
-  /// Files as sim_workers/worker/episode_recorder.h says.
+  /// Files as sim_workers/worker/episode_recorder.h describes.
   std::string episodes_folder() const { return run_dir + "/episodes"; }
   /// The most decisions that an episode of this run takes; 0: no limit. Sizes journals in deterministic mode.
   int64_t longest_episode() const;
@@ -99,16 +98,16 @@ struct LaunchPlan {
   int64_t frame_guests() const {
     return serves() ? config.hosts.serve_frame_workers + config.collection.num_workers - own_workers() : 0;
   }
-  /// None where another host's play; the one that sends frames stands in their place.
+  /// None where another host's play; the one that sends frames is in their place.
   int64_t own_policy_workers() const { return sends_frames ? 0 : config.collection.policy_workers; }
   /// There is a learner among the workers.
   bool has_learner() const {
     if (policy == PolicySource::kSeats) return !seats.networks.empty();
     return policy != PolicySource::kRandom && policy != PolicySource::kOracle && !feeds();
   }
-  /// Simulators play on in one slab each: nobody drains sealed ones.
+  /// Simulators play on in one slab each: no learner drains sealed ones.
   bool evaluates() const { return episodes > 0 || !drains(); }
-  /// Rollout by rollout, everybody waiting for everybody.
+  /// Rollout by rollout, all workers in lock step.
   bool is_lock_step() const {
     return trains() && (config.collection.deterministic || !config.collection.async_rl);
   }

@@ -140,7 +140,8 @@ void ProgressPrinter::put(const std::string& text) {
   }
   rest_ = text;
   if (dropped_ > 0)
-    rest_ = "(" + std::to_string(std::exchange(dropped_, 0)) + " lines dropped: nobody read them)\n" + text;
+    rest_ = "(" + std::to_string(std::exchange(dropped_, 0)) +
+            " lines dropped: the terminal did not read them)\n" + text;
   write_some(rest_);
 }
 
@@ -153,7 +154,7 @@ bool ProgressPrinter::write_some(std::string& text) {
     const ssize_t written = write(descriptor, text.data(), text.size());
     if (written > 0) text.erase(0, static_cast<std::size_t>(written));
     if (written < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return false;
-    if (written < 0 && errno != EINTR) text.clear();  // nobody reads any more: the run goes on without
+    if (written < 0 && errno != EINTR) text.clear();  // no reader is left: the run continues without
   }
   return true;
 }

@@ -43,7 +43,7 @@ std::string whole_text(int64_t count);
 /// 5 -> "5s", 65 -> "1m05s", 3'660 -> "1h01m", 90'000 -> "1d01h".
 std::string duration_text(double seconds);
 
-/// Writes progress to a descriptor, and never waits for who reads it: while a pipe is full or a terminal stands
+/// Writes progress to a descriptor, and never blocks on its reader: while a pipe is full or a terminal stands
 /// still (Ctrl-S), what is written is dropped and counted. Threads: one.
 class ProgressPrinter {
  public:

@@ -18,7 +18,7 @@
 
 namespace comrad::deploy {
 
-/// The growth of a counter. Where it falls its writer went back to a checkpoint, and counting goes on from there.
+/// The growth of a counter. Where it falls its writer went back to a checkpoint, and counting continues from there.
 class Growth {
  public:
   /// Gives by how much the counter fell.
@@ -75,7 +75,7 @@ class RateMeter {
   /// once, when it is over.
   bool measure(double now_s);
 
-  /// Agent decisions of this process's life: those trained on, or those played where nobody trains.
+  /// Agent decisions of this process's life: those trained on, or those played without a learner.
   uint64_t decisions() const {
     return plan_.trains() ? trained_decisions_.total() : played_decisions_.total();
   }

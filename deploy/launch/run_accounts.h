@@ -1,7 +1,7 @@
 // Where every agent decision of a run went, to the decision, also when workers are killed. Simulators count what they
 // make and seal, the learner what it takes and trains on, in words that stay behind in the arena when they die
 // (shm::EnvAccount); this class looks at them when a worker has ended. What other hosts play counts as made here when it is
-// delivered; on such a host its feeder stands where the learner stands.
+// delivered; on such a host its trajectory sender takes the learner's place.
 #pragma once
 
 #include <cstdint>

@@ -40,7 +40,7 @@ Status check_name(const std::string& experiment) {
                    "(use --train_dir for the folder)"};
 }
 
-/// The pid that stands in a lock file; 0 if none.
+/// The pid that is in a lock file; 0 if none.
 pid_t owner_of(int lock) {
   char text[32] = {};
   if (pread(lock, text, sizeof text - 1, 0) <= 0) return 0;

@@ -1,4 +1,4 @@
-// The folder of one run: who may use it, what happens to an older run of the same name, and the small
+// The folder of one run: which process may use it, what happens to an older run of the same name, and the small
 // files that the supervisor keeps in it (config.toml, status.json). Checkpoints and logs are written there
 // by the workers.
 #pragma once
@@ -26,7 +26,7 @@ class RunDirectory {
  public:
   /// Makes or takes `<train_dir>/<experiment>` with its logs/ and checkpoint/ folders. If the run exists:
   ///
-  ///   resume     go on in it; a fresh name just starts
+  ///   resume     continue in it; a fresh name just starts
   ///   restart    rename it to <experiment>_old0001 (the next free number), start afresh
   ///   overwrite  delete what is in it, start afresh; refused where there is no config.toml, so that a
   ///   mistyped
@@ -37,7 +37,7 @@ class RunDirectory {
   static Expected<RunDirectory> open(const std::string& train_dir, const std::string& experiment,
                                      RestartBehavior restart_behavior);
 
-  /// Makes a folder that nobody else has: `<train_dir>/<name>`, or with _2, _3, ... behind the name where that is taken.
+  /// Creates a folder for this run alone: `<train_dir>/<name>`, or with _2, _3, ... behind the name where that is taken.
   /// Starts at the same time get different ones. Errors: as open().
   static Expected<RunDirectory> open_new(const std::string& train_dir, const std::string& name);
 
@@ -61,7 +61,7 @@ class RunDirectory {
   bool is_resumed_ = false;
 };
 
-/// What status.json says.
+/// What status.json states.
 struct RunStatus {
   std::string state;  ///< starting, running, paused, finished, failed
   uint64_t env_frames = 0;

@@ -31,7 +31,7 @@ constexpr const char* kEventWords[kEvents] = {"all joined", "pause",        "res
 }  // namespace
 
 const char* word_of(StopReason reason) {
-  constexpr const char* kWords[] = {"goes on", "finished", "interrupted", "not saved", "killed", "failed"};
+  constexpr const char* kWords[] = {"continues", "finished", "interrupted", "not saved", "killed", "failed"};
   return kWords[static_cast<std::size_t>(reason)];
 }
 const char* word_of(RunPhase phase) { return kPhaseWords[static_cast<std::size_t>(phase)]; }

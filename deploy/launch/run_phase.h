@@ -16,8 +16,8 @@ enum class RunPhase { kStarting, kRunning, kPaused, kStopping, kEvaluating, kEnd
 
 enum class RunEvent {
   kAllJoined,    ///< every worker
-  kPause,        ///< the user's wish
-  kResume,       ///< the user's wish
+  kPause,        ///< the user's request
+  kResume,       ///< the user's request
   kStartAgain,   ///< all workers, in lock step
   kStop,         ///< whatever the reason
   kWorkersLeft,  ///< evaluations are still played
@@ -28,8 +28,8 @@ enum class RunEvent {
 const char* word_of(RunPhase phase);
 const char* word_of(RunEvent event);
 
-/// The table of the picture above. Errors: kBadInput where `event` may not come in `phase`; in words for a user who asked for
-/// it: "the run is paused already".
+/// The table of the picture above. Errors: kBadInput where `event` may not come in `phase`; in words for the user:
+/// "the run is paused already".
 Expected<RunPhase> next_phase(RunPhase phase, RunEvent event);
 
 /// No worker is started any more, and nothing is asked of them but to leave.
@@ -39,13 +39,13 @@ constexpr bool is_over(RunPhase phase) { return phase >= RunPhase::kStopping; }
 enum class StopReason {
   kNone,         ///< it has not
   kFinished,     ///< it has done what it was started for
-  kInterrupted,  ///< a signal, `comrad ctl stop`, the end of its input, a learner that was told to stop
+  kInterrupted,  ///< a signal, `comrad ctl stop`, the end of its input, a learner that was stopped
   kNotSaved,     ///< its learner left no last checkpoint
   kKilled,       ///< by a second SIGINT
-  kFailed,       ///< it could not go on
+  kFailed,       ///< it could not continue
 };
 
-/// "finished", "interrupted", "not saved", "killed", "failed"; "goes on" for kNone.
+/// "finished", "interrupted", "not saved", "killed", "failed"; "continues" for kNone.
 const char* word_of(StopReason reason);
 
 /// The reason that stays when `next` comes to a run that stopped for `now`: what is finished is not interrupted any more.

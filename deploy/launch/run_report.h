@@ -1,4 +1,4 @@
-// The words in which a run is told of: the progress line, status.json, the last line.
+// How a run reports itself: the progress line, status.json, the last line.
 #pragma once
 
 #include <string>
@@ -21,7 +21,7 @@ class RunReport {
 
   /// "starting: 1/2 simulators, ...".
   std::string starting_line() const { return "starting: " + workers_.joined_text(); }
-  /// One line on a run that goes on.
+  /// One line on a run that continues.
   std::string progress_line() const;
   RunStatus status(const std::string& state, const std::string& message) const;
   /// One line on a run that has ended: how, env frames, time, both rates, J, what was lost, checkpoint.

@@ -35,7 +35,7 @@ class RunResources final : public RunEffects {
 
   const shm::Arena& arena() const override { return *arena_; }
   const std::string& socket_name() const override { return server_->name(); }
-  /// Tells monitors and workers; of a stop also those that wait for something else.
+  /// Publishes it to monitors and workers; a stop also wakes workers that wait for something else.
   void set_run_state(shm::RunState state) override;
   std::optional<uint64_t> reclaim(const Worker& worker) override { return reclaim_worker(worker, *arena_); }
   void note(const std::string& text) override;
@@ -48,8 +48,8 @@ class RunResources final : public RunEffects {
 
   /// Reads the simulators' episodes: on to monitors, and, of an evaluation, to the meter.
   void drain_episodes(RateMeter& meter);
-  /// Tells monitors of the supervisor, which is in `state`, and of its simulators; the other workers speak
-  /// for themselves.
+  /// Publishes the state of the supervisor (`state`) and of its simulators; the other workers report
+  /// themselves.
   void tell_of_workers(const std::vector<Worker>& workers, const std::string& state);
   /// One message for monitors.
   template <typename Message>

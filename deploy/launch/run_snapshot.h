@@ -1,4 +1,4 @@
-// Everything that somebody who looks at a running run may want to know, at one moment: `comrad ctl RUN status`, `comrad top`
+// The state of a running run at one moment, for monitoring: `comrad ctl RUN status`, `comrad top`
 // and the Prometheus page say it in three ways.
 #pragma once
 

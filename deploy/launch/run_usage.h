@@ -24,7 +24,7 @@ struct RunUsage {
   std::array<double, kStageCount> stage_cpu_s{};  ///< by Stage
   double copied_bytes = 0;
   RoleUsage sims, policy_workers, learner;
-  std::vector<double> core_busy_s;  ///< of the CPUs that this process may use, whoever uses them
+  std::vector<double> core_busy_s;  ///< of the CPUs that this process may use, by any process
 
   double of(Stage stage) const { return stage_cpu_s[static_cast<std::size_t>(stage)]; }
   double cpu_s() const { return sims.cpu_s + policy_workers.cpu_s + learner.cpu_s; }

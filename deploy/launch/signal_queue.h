@@ -16,7 +16,7 @@ class SignalQueue {
   SignalQueue& operator=(const SignalQueue&) = delete;
   ~SignalQueue();
 
-  /// Readable while a signal is pending; -1 if the system gave none (errno says why).
+  /// Readable while a signal is pending; -1 if the system gave none (errno has the reason).
   int descriptor() const { return descriptor_; }
   /// Next pending signal, or 0.
   int next();

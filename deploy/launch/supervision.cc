@@ -57,7 +57,7 @@ void Supervision::exited(Worker& worker, const ExitStatus& how) {
   const bool is_training_learner = worker.role == Role::kLearner && plan_.trains();
   const bool is_clean = how.signal == 0 && how.code == kExitDone;
   if (is_over(phase_)) {
-    // Leaving is what they were asked for; only a learner that could not save matters.
+    // They were requested to leave; only a learner that could not save matters.
     if (is_training_learner && !is_clean) reason_ = later_reason(reason_, StopReason::kNotSaved);
     return;
   }
@@ -79,7 +79,7 @@ void Supervision::learner_left() {
   if (effects_.arena().control().goal_reached.load() != 0)
     stop(StopReason::kFinished, "finished" + meter_.limit_reached());
   else
-    stop(StopReason::kInterrupted, "the learner was told to stop (SIGTERM) before the run's goal");
+    stop(StopReason::kInterrupted, "the learner received SIGTERM before the run's goal");
 }
 
 void Supervision::died(Worker& worker, const ExitStatus& how, const std::string& said) {
@@ -104,7 +104,8 @@ void Supervision::died(Worker& worker, const ExitStatus& how, const std::string&
              "--num_envs_per_worker, --trajectory_slabs or --replay_gb"
            : "") +
       (lost > 0 ? "; " + std::to_string(lost) + " decisions lost" : "") +
-      (worker.role == Role::kLearner && plan_.trains() ? "; training goes on from the last checkpoint" : ""));
+      (worker.role == Role::kLearner && plan_.trains() ? "; training continues from the last checkpoint"
+                                                       : ""));
   // Lock step must not depend on which worker died when: all go back to the last checkpoint together.
   starts_again_ |= plan_.is_lock_step();
 }
@@ -114,7 +115,7 @@ uint64_t Supervision::reclaim(Worker& worker) {
   const std::optional<uint64_t> lost = effects_.reclaim(worker);
   worker.is_unreclaimed = !lost;
   if (worker.role == Role::kLearner) return meter_.learner_ended();
-  // What a feeder had delivered; its successor adopts what it had drained, and asks again.
+  // What a trajectory sender had delivered; its successor adopts what it had drained, and requests again.
   if (worker.role == Role::kFeeder) meter_.count();
   return lost.value_or(0);
 }
@@ -255,7 +256,7 @@ Status Supervision::pause() {
   move(RunEvent::kPause);
   effects_.set_run_state(shm::RunState::kPaused);
   effects_.note("comrad ctl: paused; comrad ctl " + std::filesystem::path(plan_.run_dir).filename().string() +
-                " resume goes on");
+                " resume continues");
   return {};
 }
 
@@ -263,7 +264,7 @@ Status Supervision::resume() {
   COMRAD_TRY(check_at_work(RunEvent::kResume));
   move(RunEvent::kResume);
   effects_.set_run_state(shm::RunState::kRunning);
-  effects_.note("comrad ctl: the run goes on");
+  effects_.note("comrad ctl: the run continues");
   return {};
 }
 
@@ -325,7 +326,8 @@ RunEnding Supervision::finish() {
   else if (reason_ == StopReason::kNotSaved)
     ending.message += "; the learner did not save a last checkpoint: " + meter_.unsaved_text();
   else if (reason_ == StopReason::kInterrupted && plan_.trains())
-    ending.message += "; go on with --experiment " + std::filesystem::path(plan_.run_dir).filename().string();
+    ending.message +=
+        "; continue with --experiment " + std::filesystem::path(plan_.run_dir).filename().string();
   return ending;
 }
 

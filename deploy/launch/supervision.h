@@ -38,13 +38,13 @@ class Supervision {
 
   /// Opens the run and starts its workers; where that fails, the run has failed. Then tick() until has_ended(), then finish().
   void start();
-  /// One turn. What the workers have printed, asked for and played is taken in before.
+  /// One turn. What the workers have printed, requested and played is taken in before.
   void tick();
   bool has_ended() const { return phase_ == RunPhase::kEnded; }
   /// Closes the accounts.
   RunEnding finish();
 
-  // What the user asks for. Errors: kBadInput, in words, where the run cannot do it now.
+  // What the user requests. Errors: kBadInput, in words, where the run cannot do it now.
   Status pause();
   Status resume();
   /// The request's number: done when `checkpoint_done` of the control block reaches it.
@@ -55,7 +55,7 @@ class Supervision {
   void ask_to_stop();  ///< comrad ctl
   void input_ended();  ///< the run that called this host has let it go
 
-  /// The run cannot go on.
+  /// The run cannot continue.
   void fail(Error error);
 
   RunPhase phase() const { return phase_; }

@@ -86,7 +86,7 @@ class Supervisor {
   void report();
   void answer_visitors();
 
-  // What comrad ctl asks for.
+  // What comrad ctl requests.
   ControlCommands orders();
   const RunSnapshot& snapshot();
   Status drain(const std::string& host);
@@ -255,7 +255,7 @@ Status Supervisor::drain(const std::string& host) {
   }
   if (host == run.host)
     return Error{ErrorCode::kBadInput,
-                 "the learner is on " + host + ", so the run cannot go on without it; comrad ctl " +
+                 "the learner is on " + host + ", so the run cannot continue without it; comrad ctl " +
                      std::filesystem::path(plan_.run_dir).filename().string() + " stop ends the run"};
   std::vector<std::string> hosts;
   for (const HostSnapshot& one : run.hosts) hosts.push_back(one.name);

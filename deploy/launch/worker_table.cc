@@ -21,7 +21,7 @@ namespace {
 constexpr double kSilentAfterS = 10.0;    // a worker whose counter stands still so long is named
 constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
 
-/// What tells the kinds apart, in the order of Role.
+/// What distinguishes the kinds, in the order of Role.
 struct Kind {
   const char* word;  ///< as it joins, and in its name
   const char* program;
@@ -240,9 +240,9 @@ void WorkerTable::read_output(ProgressPrinter& printer) {
       const std::optional<UserMessage> message = parse_user_message(line);
       const std::string words = message ? message->words() : line;
       worker.last_line = words;
-      spdlog::info("{} says: {}", worker.name, words);
+      spdlog::info("{}: {}", worker.name, words);
       if (message) {
-        // A restarted worker says it again, with other numbers.
+        // A restarted worker prints it again, with other numbers.
         std::string kind = words;
         std::erase_if(kind, [](char letter) { return letter == '.' || (letter >= '0' && letter <= '9'); });
         if (words_shown_.insert(kind).second) printer.note(words);
@@ -327,7 +327,7 @@ std::string WorkerTable::log_path(const Worker& worker) const {
 }
 
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) {
-  // Receivers stand on the learner's arena as simulators do, the feeder on its own as a learner.
+  // Receivers use the learner's arena as simulators do, the trajectory sender uses its host's as a learner.
   return worker.role == Role::kSim             ? arena.sim_counters(worker.index)
          : worker.role == Role::kPolicy        ? arena.policy_counters(worker.index)
          : worker.role == Role::kReceiver      ? arena.sim_counters(arena.shape().served_worker_count())
@@ -367,7 +367,7 @@ std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& a
       return 0;  // its successor adopts what it had drained
     case Role::kLearner:
       arena.reclaim_learner();
-      return 0;  // the meter knows what it had not trained on
+      return 0;  // the meter counts what it had not trained on
   }
   return 0;
 }

@@ -1,4 +1,4 @@
-// The workers of a run: who they are, how each is started, what they print, whether they still play.
+// The workers of a run: their roles, how each is started, what they print, whether they still play.
 #pragma once
 
 #include <poll.h>
@@ -49,7 +49,7 @@ struct Worker {
   int lines_shown = 0;   ///< since then
   int stop_signal = 0;   ///< sent because it did not leave by itself
   double at_work_s = 0;  ///< when it was last seen at work since the stop, if it has something to save
-  bool is_slow = false;  ///< the user was told that its stop takes long
+  bool is_slow = false;  ///< the message that its stop takes long was printed
   uint64_t decisions_heard = 0;  ///< of its counter, and when it moved last
   double heard_s = 0;
 };
@@ -57,7 +57,7 @@ struct Worker {
 /// All workers of one run, simulators first, the learner and what links hosts last. Threads: the supervisor's.
 class WorkerTable {
  public:
-  /// The places that `plan` asks for, all empty. What the arguments name outlives the table.
+  /// The places that `plan` requests, all empty. What the arguments name outlives the table.
   WorkerTable(const LaunchPlan& plan, const Clock& clock, ProcessHost& processes);
 
   std::vector<Worker>& workers() { return workers_; }
@@ -87,10 +87,10 @@ class WorkerTable {
   /// killed, unless the run `is_stopping`.
   std::vector<std::pair<Worker*, ExitStatus>> reap_exited(bool is_stopping);
 
-  /// Looks whose counter has moved. Nobody is silent while the run is not `at_work`.
+  /// Checks which workers' counters changed. No worker counts as silent while the run is not `at_work`.
   void listen(const shm::Arena& arena, bool at_work);
-  /// "sim-0 silent for 12s (SIGSTOP)"; empty where nobody is. Who waits for others is not to blame: a worker is named
-  /// where somebody stopped it, or where another of its kind goes on.
+  /// "sim-0 silent for 12s (SIGSTOP)"; empty without silent workers. A worker that waits for another is not the cause: a worker is named
+  /// where a signal stopped it, or where another of its kind continues.
   std::string silence_text() const;
   /// Whether no simulator has played for so long that the last rate is no longer true.
   bool stands_still() const;

@@ -26,7 +26,7 @@ double seconds_of(const timeval& time) {
   return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
 }
 
-/// What the file "stat" of a process or a thread says behind the program's name, which stands in brackets and may hold
+/// What the file "stat" of a process or a thread contains behind the program's name, which is in brackets and may hold
 /// anything (proc(5)): from the state on. Empty where there is no such process.
 std::string stat_of(const std::string& folder) {
   const std::string stat = read_file(folder + "/stat").value_or("");

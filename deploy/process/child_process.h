@@ -18,7 +18,7 @@ namespace comrad::deploy {
 /// A running child. Destroying it kills (SIGKILL) and reaps a child that still runs.
 class ChildProcess final : public Process {
  public:
-  /// Starts the program as process_start.h says: standard error and (unless it goes elsewhere) output are one pipe to us; SIGINT and SIGHUP are
+  /// Starts the program as process_start.h describes: standard error and (unless it goes elsewhere) output are one pipe to us; SIGINT and SIGHUP are
   /// ignored (the supervisor decides). Errors: kNotFound or kSystem when it cannot be executed.
   /// Threads: call from a thread that outlives the child.
   static Expected<ChildProcess> spawn(const ChildOptions& options);

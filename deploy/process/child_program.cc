@@ -54,7 +54,7 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
     ~RestoreMask() { pthread_sigmask(SIG_SETMASK, mask, nullptr); }
   } restore{&previous_mask};
   const Descriptor signals(signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK));
-  // In a group of its own: a terminal's Ctrl-C reaches us alone, and we pass it on.
+  // In its own group: a terminal's Ctrl-C reaches us alone, and we pass it on.
   COMRAD_TRY_ASSIGN(const pid_t child, start_process({.command = command,
                                                       .environment = options.environment,
                                                       .output = out.write_end.get(),
@@ -117,7 +117,7 @@ std::string last_words(const ProgramResult& result) {
   std::string text = result.error_output;
   while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
   text = text.substr(text.rfind('\n') + 1);
-  // "comrad-doomgen: error: no such scenario" is for a terminal; our own message says who speaks.
+  // "comrad-doomgen: error: no such scenario" is for a terminal; our own message names the program.
   if (text.starts_with("comrad-"))
     if (const size_t colon = text.find(": "); colon < text.find(' ')) text.erase(0, colon + 2);
   if (text.starts_with("error: ")) text.erase(0, 7);

@@ -36,7 +36,7 @@ struct ProgramResult {
   bool interrupted = false;  ///< SIGINT or SIGTERM reached us meanwhile; it was passed on as SIGTERM
 };
 
-/// Runs `command` (its first word is a path, or a name that PATH knows) to its end. The child dies with us.
+/// Runs `command` (its first word is a path, or a name on PATH) to its end. The child dies with us.
 /// Errors: kNotFound (no such program), kTimeout, kSystem. A non-zero exit is a result, not an error.
 /// Threads: blocks SIGINT and SIGTERM in the calling thread while the child runs.
 Expected<ProgramResult> run_program(const std::vector<std::string>& command,

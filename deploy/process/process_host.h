@@ -21,7 +21,7 @@ struct ChildOptions {
   int inherited_descriptor = -1;  ///< kept open in the child (the run directory's lock); -1: none
   int cpu = -1;                   ///< pinned to this core; -1: anywhere
   bool waits_its_turn = false;    ///< as of ProcessOptions
-  bool takes_input = false;       ///< its standard input is what Process::tell() says; else /dev/null
+  bool takes_input = false;       ///< its standard input is what Process::tell() writes; else /dev/null
   int output = -1;                ///< where its standard output goes; -1: to us, as standard error does
 };
 

@@ -53,11 +53,11 @@ void become(const ProcessOptions& options, Image& image, pid_t parent, int input
     cpu_set_t cpus;
     CPU_ZERO(&cpus);
     CPU_SET(static_cast<std::size_t>(options.cpu), &cpus);
-    sched_setaffinity(0, sizeof cpus, &cpus);  // a wish: a container may forbid it
+    sched_setaffinity(0, sizeof cpus, &cpus);  // best effort: a container may forbid it
   }
   if (options.waits_its_turn && sched_getscheduler(0) == SCHED_OTHER) {
     const sched_param plain{};
-    sched_setscheduler(0, SCHED_BATCH, &plain);  // a wish, too
+    sched_setscheduler(0, SCHED_BATCH, &plain);  // best effort, too
   }
   // Low numbers: 0-2 for the child's own use, 3 the report of a failed exec, 4 the inherited one. Sources are
   // first moved out of the way.

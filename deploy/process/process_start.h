@@ -1,5 +1,5 @@
 // How this program starts another one: fork and exec in one place, for the workers of a run (child_process.h) and for
-// the programs that a command asks (deploy/process/child_program.h).
+// the programs that a command queries (deploy/process/child_program.h).
 #pragma once
 
 #include <sys/types.h>
@@ -39,12 +39,12 @@ struct Pipe {
 };
 
 /// For programs that compute with several threads, on top of ours: a thread that waits at a barrier sleeps, unless our environment has
-/// another OMP_WAIT_POLICY. One that spins takes a core from somebody who computes.
+/// another OMP_WAIT_POLICY. One that spins takes a core from a thread that computes.
 std::vector<std::pair<std::string, std::string>> sleeping_threads();
 
 /// What to start.
 struct ProcessOptions {
-  std::vector<std::string> command;                              ///< first a path, or a name that PATH knows
+  std::vector<std::string> command;                              ///< first a path, or a name on PATH
   std::vector<std::pair<std::string, std::string>> environment;  ///< on top of ours
   int input = -1;                                                ///< becomes standard input; -1: /dev/null
   int output = -1;                                               ///< becomes standard output
@@ -52,7 +52,7 @@ struct ProcessOptions {
   int inherited_descriptor = -1;                                 ///< kept open in the child; -1: none
   int cpu = -1;                                                  ///< pinned to this core; -1: anywhere
   bool waits_its_turn =
-      false;  ///< takes a core when somebody's turn ends, not as soon as it wakes up (SCHED_BATCH)
+      false;  ///< takes a core when another thread's turn ends, not as soon as it wakes up (SCHED_BATCH)
   bool ignores_interrupts = false;  ///< SIGINT and SIGHUP, which a terminal sends to all processes
   bool has_own_group =
       false;  ///< what a terminal sends does not reach it, and kill(-pid) reaches its children

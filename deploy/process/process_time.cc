@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMaxGenerations = 8;  // what /proc says may change while it is read
+constexpr int kMaxGenerations = 8;  // what /proc contains may change while it is read
 
 double seconds_of(pid_t pid, int generations) {
   const fs::path folder = "/proc/" + std::to_string(pid);

@@ -118,7 +118,7 @@ Expected<Descriptor> connect_to_name(const std::string& name) {
   if (!client.is_open()) return system_error("a socket");
   if (connect(client.get(), reinterpret_cast<const sockaddr*>(&address.bytes), address.length) == 0)
     return client;
-  if (errno == ECONNREFUSED) return Error{ErrorCode::kNotFound, "nobody listens on " + name};
+  if (errno == ECONNREFUSED) return Error{ErrorCode::kNotFound, "no process listens on " + name};
   if (errno == EAGAIN) return Error{ErrorCode::kTimeout, "too many clients wait at " + name};
   return system_error("socket " + name);
 }

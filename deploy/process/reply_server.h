@@ -1,5 +1,5 @@
-// Answers short questions at a listening socket, one question and one answer a connection, and never waits for who asks: a
-// client that is slow, says nothing, says too much or leaves costs a few system calls a turn and is dropped after a while.
+// Answers short questions at a listening socket, one question and one answer a connection, and never blocks on its client: a
+// client that is slow, sends nothing, sends too much or leaves costs a few system calls a turn and is dropped after a while.
 #pragma once
 
 #include <cstddef>
@@ -62,9 +62,9 @@ class ReplyServer {
 Expected<Descriptor> listen_on_address(const std::string& address, int port);
 /// One that listens under an abstract name, which vanishes with it. Errors: kSystem.
 Expected<Descriptor> listen_on_name(const std::string& name);
-/// A connection to such a name. Errors: kNotFound where nobody listens, kTimeout, kSystem.
+/// A connection to such a name. Errors: kNotFound where no process listens, kTimeout, kSystem.
 Expected<Descriptor> connect_to_name(const std::string& name);
-/// The user and process at the other end of such a connection; -1 where the kernel does not say.
+/// The user and process at the other end of such a connection; -1 where the kernel does not report it.
 struct Peer {
   int64_t user = -1;
   int64_t pid = -1;

@@ -1,4 +1,4 @@
-"""What a folder of runs says: which runs belong together, their scores, references, thresholds and aggregates.
+"""What a folder of runs contains: which runs belong together, their scores, references, thresholds and aggregates.
 
 A cell is one scenario played by one algorithm with one set of the settings that change what is learned; its runs differ in
 their seed, and in what their machines decided. What cannot be part of a cell is named in `Study.left_out`, never mixed in.
@@ -156,7 +156,7 @@ def setting_text(value) -> str:
 def experiments_of(runs: list[Run], options: Options) -> dict[str, dict[str, str]]:
     """What each run learns from, by its folder: all settings that must be the same within a cell.
 
-    Precision is one of them where runs were told different ones, not where only machines chose differently."""
+    Precision is one of them where runs were started with different ones, not where only machines chose differently."""
     free = NOT_LEARNED | options.ignore | (BUDGETS | {"train_for_seconds"} if options.at else set())
     if len({run.told_precision for run in runs} - {""}) < 2:
         free |= {"precision"}
@@ -390,7 +390,7 @@ def references_of(
 def titled_occupancies(
     cells: list[Cell], occupancies: list[Occupancy], left_out: list[tuple[str, str]]
 ) -> list[tuple[str, Occupancy]]:
-    """The first OCCUPANCIES_MAX of them, each with who played, in the order of the cells; baselines last."""
+    """The first OCCUPANCIES_MAX of them, each with its players, in the order of the cells; baselines last."""
     known = {
         (cell.scenario, run.name): (at, f"{cell.label}, seed {run.seed}")
         for at, cell in enumerate(cells)

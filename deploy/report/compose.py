@@ -56,7 +56,7 @@ class Report:
             "Scores",
             f"J in training: mean of the last training episodes (setting stats_avg), {where}, over seeds "
             f"({of.interval_words(self.study)}). Evaluated: fresh episodes of the finished policy; over seeds its "
-            "interval tells of other seeds, over episodes only of other episodes of these policies. Normalised: 0 is "
+            "interval covers other seeds, over episodes only of other episodes of these policies. Normalised: 0 is "
             "random play, 1 the scripted team.",
         )
         for scenario in self.study.scenarios:
@@ -175,7 +175,7 @@ class Report:
     def diagnostics(self) -> None:
         self.page.section(
             "Learning diagnostics",
-            "Means over seeds; learner/METRICS.md says what each number means and when it is bad.",
+            "Means over seeds; learner/METRICS.md states what each number means and when it is bad.",
         )
         for scenario in self.study.scenarios:
             self.page.figure(figures.diagnostics_figure(self.study, scenario), f"{scenario}: learning diagnostics")

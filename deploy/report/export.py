@@ -87,7 +87,7 @@ def write_csv(runs: list[ReportedRun], path: pathlib.Path) -> None:
 def write_wandb(runs: list[ReportedRun], folder: pathlib.Path, project: str) -> None:
     """One offline run each: the settings as its config, the reports as its history over env frames."""
     os.environ.update(
-        WANDB_MODE="offline",  # nothing is sent and nobody logs in
+        WANDB_MODE="offline",  # nothing is sent, no login is needed
         WANDB_DIR=str(folder),
         WANDB_SILENT="true",
         WANDB_CONSOLE="off",

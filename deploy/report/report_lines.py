@@ -31,7 +31,7 @@ def number(value) -> float:
 
 
 def read_text(path: pathlib.Path) -> str:
-    """Raises OSError and ValueError, which says what is wrong with the file."""
+    """Raises OSError and ValueError, which states what is wrong with the file."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no {path.name}")
     if path.stat().st_size > FILE_BYTES_MAX:

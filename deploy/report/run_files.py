@@ -104,7 +104,7 @@ class Run:
 
     @property
     def told_precision(self) -> str:
-        """The precision that this run was started with; empty where the machine chose it, and where config.toml does not say."""
+        """The precision that this run was started with; empty where the machine chose it, and where config.toml does not report it."""
         explicit = self.settings.get("explicit", self.settings.get("asked_for"))  # asked_for: runs of older versions
         is_explicit = isinstance(explicit, dict) and "precision" not in explicit
         return str(self.settings.get("precision", "")) if is_explicit else ""
@@ -122,7 +122,7 @@ class Run:
         return float(self.metrics.env_frames[-1]) if len(self.metrics) else 0.0
 
     def last_error(self) -> str:
-        """What a failed run says of itself: its status, else the last line of error in its log."""
+        """What a failed run reports of itself: its status, else the last line of error in its log."""
         message = self.status.get("message")
         if isinstance(message, str) and message.strip():
             return one_line(message)

@@ -1,5 +1,5 @@
 """What the searches of sweeps have tried (deploy/sweep/search_space.h): runs by score with the settings that were searched, and of
-populations who copied whom.
+populations which member copied which.
 
 As with runs, nothing that is read is trusted: what cannot be used is left out and named.
 """
@@ -141,7 +141,7 @@ def lineage_table(search: Search) -> Table:
 
 
 def lineage_figure(search: Search):
-    """J and the numbers that were searched over env frames: a colour for each member, a dotted line from whom it copied."""
+    """J and the numbers that were searched over env frames: a colour for each member, a dotted line from the member that it copied."""
     if not search.has_lineage:
         return None
 

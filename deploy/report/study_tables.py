@@ -1,4 +1,4 @@
-"""The tables of a report: what a study says, in rows, and as files of comma-separated values."""
+"""The tables of a report: a study's results, in rows, and as files of comma-separated values."""
 
 import math
 import pathlib
@@ -207,7 +207,7 @@ def cpu_table(study: Study) -> Table:
 
 
 def cpu_share(run, role: str) -> float:
-    """Cores that a role kept busy in the run's last start, as its status says; NaN where it does not."""
+    """Cores that a role kept busy in the run's last start, as its status states; NaN where it does not."""
     recorded, elapsed = run.status.get("cpu_s"), number(run.status.get("elapsed_s"))
     return number(recorded.get(role)) / elapsed if isinstance(recorded, dict) and elapsed > 0 else math.nan
 

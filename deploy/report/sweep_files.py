@@ -80,7 +80,7 @@ def absent_run(sweep: pathlib.Path, name: str, settings: dict, record: dict, run
     the same scenario and algorithm."""
     alike = [run.settings for run in runs if all(run.settings[key] == settings[key] for key in ("scenario", "algo"))]
     run = Run(sweep / name, alike[0] | settings if alike else settings, Metrics())
-    why = f"its record says {record.get('state')}, but it has no folder" if record else "it was never started"
+    why = f"its record states {record.get('state')}, but it has no folder" if record else "it was never started"
     run.status = {"state": "missing", "message": why}
     note_ending(run, record)
     return run

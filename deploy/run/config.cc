@@ -61,7 +61,7 @@ void print_tables(const MergedSettings& merged, const std::optional<replay::Repl
     const std::string text = row.text(merged.config), name(row.name), from = merged.from.at(name);
     (from == "built-in" ? built_in : chosen).emplace_back(name, text.empty() ? "\"\"" : text, from);
   }
-  std::printf("%s, %s, preset %s: what a layer above the built-in one says\n\n",
+  std::printf("%s, %s, preset %s: settings of the layers above the built-in one\n\n",
               merged.config.run.scenario.c_str(), merged.config.run.algo.name().c_str(),
               word_of(merged.config.run.preset));
   print_rows(chosen);

@@ -1,4 +1,4 @@
-// `comrad ctl RUN ORDER`: tells the supervisor of a run that is alive what to do, and waits until it is done.
+// `comrad ctl RUN ORDER`: sends an order to the supervisor of a live run, and waits until it is done.
 
 #include <unistd.h>
 
@@ -46,7 +46,7 @@ Expected<json> await(const LiveRun& run, double timeout_s, const std::string& wo
       return Error{ErrorCode::kTimeout, "run '" + run.name + "': " + words + " took more than " +
                                             std::to_string(static_cast<int>(timeout_s)) +
                                             " s (--timeout waits longer); comrad ctl " + run.name +
-                                            " status says more"};
+                                            " status shows more"};
     usleep(kLookUs);
   }
 }
@@ -62,12 +62,12 @@ Expected<json> checkpoint(const LiveRun& run, const CtlRequest& request) {
   if (after["checkpoint"].value("failed", 0) > before["checkpoint"].value("failed", 0))
     return Error{ErrorCode::kNoSpace,
                  "run '" + run.name +
-                     "': the checkpoint could not be written, training goes on; logs/learner-0.log says "
+                     "': the checkpoint could not be written, training continues; logs/learner-0.log states "
                      "why"};
   return after;
 }
 
-/// Until nobody answers any more.
+/// Waits until the control socket no longer answers.
 Expected<json> stop(const LiveRun& run, const CtlRequest& request) {
   COMRAD_TRY_ASSIGN(const json answer, ask(run, {{"do", "stop"}}));
   const Expected<json> ended = await(run, request.timeout_s, "stopping", [](const json&) { return false; });
@@ -98,7 +98,8 @@ Status check(const CtlRequest& request) {
                                            " drain HOST (comrad ctl " + request.run +
                                            " status lists the hosts)"};
   if (!request.name.empty() && request.order != "drain" && request.order != "workers")
-    return Error{ErrorCode::kBadInput, "'" + request.name + "' is one word too many behind " + request.order};
+    return Error{ErrorCode::kBadInput,
+                 "'" + request.name + "' is an unexpected argument after " + request.order};
   if (!(request.timeout_s > 0)) return Error{ErrorCode::kBadInput, "--timeout must be above 0 s"};
   return {};
 }
@@ -135,7 +136,7 @@ Expected<int> obey(const CtlRequest& request) {
     std::printf("%s\n", fitted(answer["checkpoint"].value("path", ""), 4096).c_str());
   } else {
     const std::string done = request.order == "pause"    ? "paused"
-                             : request.order == "resume" ? "goes on"
+                             : request.order == "resume" ? "continues"
                              : request.order == "stop"   ? "stopped"
                                                          : request.name + " has left";
     std::printf("%s: %s\n", run.name.c_str(), done.c_str());
@@ -170,7 +171,7 @@ int ctl_command(Arguments arguments) {
     return kExitDone;
   }
   if (names.size() > 1)
-    return report_error("ctl", {ErrorCode::kBadInput, "'" + names[1] + "' is one word too many"});
+    return report_error("ctl", {ErrorCode::kBadInput, "'" + names[1] + "' is an unexpected argument"});
   if (!names.empty()) request.name = names[0];
   const Expected<int> done = obey(request);
   return done ? *done : report_error("ctl", done.error());

@@ -76,7 +76,7 @@ Expected<OutputFiles> check_request(EvaluationRequest& request, const CommandLin
   return files;
 }
 
-/// Puts what the simulators wrote into one file, below a line that says who played what.
+/// Puts what the simulators wrote into one file, below a line that names each agent's player.
 Status write_positions(const std::string& path, const LaunchPlan& plan, const Json& summary) {
   Json head;
   for (const char* key :
@@ -284,7 +284,7 @@ int eval_command(Arguments arguments) {
       "run\n"
       "directory or the name of an experiment below --train_dir, or the path of a checkpoint in a run "
       "directory.\n"
-      "The first run that is named says what is played: its settings are taken from its config.toml.\n"
+      "The first named run decides what is played: its settings are taken from its config.toml.\n"
       "A run that was trained on one map plays that map, one of a curriculum the scenario's own; one that\n"
       "was trained on a pool plays 20 maps that no training pool holds, all in turn (--maps and\n"
       "--layout_pool say otherwise). Other runs must have been trained for the same scenario, team size\n"
@@ -300,19 +300,19 @@ int eval_command(Arguments arguments) {
       "and environments; a network's sums round otherwise in a batch of another size, so that an action may "
       "change.");
   line.add_option("policy", request.policies, "PLAYERS",
-                  "who plays; may be given several times or separated by commas: one after the other");
-  line.add_option(
-      "seat", request.seats, "AGENT=PLAYER",
-      "who plays one agent, counted from 0; --policy plays those that are not named. A run with a network "
-      "for each agent plays agent i with network i");
+                  "players; may be given several times or separated by commas: one after the other");
+  line.add_option("seat", request.seats, "AGENT=PLAYER",
+                  "the player of one agent, counted from 0; --policy plays those that are not named. A run "
+                  "with a network "
+                  "for each agent plays agent i with network i");
   line.add_option(
       "cross_play", request.cross_play, "PLAYERS",
-      "everybody with everybody: a matrix of J, the row's player at seat 0, the column's at all others; "
+      "each player with each: a matrix of J, the row's player at seat 0, the column's at all others; "
       "means of self-play and cross-play, and the gap between them");
   line.add_option("episodes", request.episodes, "N", "episodes of each team (default 100, of a film 1)");
   line.add_option(
       "checkpoint", request.checkpoint, "FILE",
-      "the checkpoint to play, for example a milestone (default: --load_checkpoint_kind says which)");
+      "the checkpoint to play, for example a milestone (default: as --load_checkpoint_kind selects)");
   line.add_option("maps", request.maps, "WORD",
                   "train (those that the run trains on) or held_out (20 that no training pool holds)");
   line.add_option(

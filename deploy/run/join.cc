@@ -1,4 +1,4 @@
-// `comrad join ADDRESS`: asks another host's run for what it plays, fetches its maps and settings, and plays for its
+// `comrad join ADDRESS`: connects to another host's run, fetches its maps and settings, and plays for its
 // learner with an arena, simulators and policy workers of this host.
 
 #include <sys/random.h>
@@ -64,7 +64,7 @@ struct JoinRequest {
   std::string key_folder;
 };
 
-/// "%h" in a folder of keys is this host's name: whoever calls many hosts gives them all the same words.
+/// "%h" in a folder of keys is this host's name: so that many hosts can be started with the same words.
 std::string key_folder_here(std::string folder) {
   for (std::size_t at; (at = folder.find("%h")) != std::string::npos;)
     folder.replace(at, 2, short_host_name());
@@ -80,7 +80,7 @@ std::string joined_name(const std::string& scenario) {
   return "joined_" + scenario + "_" + short_host_name() + "_" + date;
 }
 
-/// Another host's environments are none of the learner's host's: episodes are drawn from a seed of their own.
+/// Another host's environments are none of the learner's host's: episodes are drawn from their own seed.
 Expected<int64_t> own_seed() {
   uint64_t bits = 0;
   if (getrandom(&bits, sizeof bits, 0) != sizeof bits) return system_error("getrandom");
@@ -100,7 +100,7 @@ Expected<RunDirectory> folder_for(const RunConfig& own, const link::Offer& offer
   return directory;
 }
 
-/// Asks the door, compares, and fetches everything into a folder of this host.
+/// Requests the run's offer, compares, and fetches everything into a folder of this host.
 Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
                              const link::LinkAddress& address, const std::string& interface,
                              const std::string& iwad) {
@@ -112,13 +112,12 @@ Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
   link::DoorVisitor door(bus, visitor, request.wait_s);
   Expected<link::Offer> offer = door.offer();
   if (!offer && offer.error().code == ErrorCode::kTimeout)
-    return Error{
-        ErrorCode::kTimeout,
-        offer.error().message + " at " + address.host +
-            ": is the run at work with its door open (`comrad serve RUN` there says so), on the interface "
-            "that leads here, and are UDP ports from " +
-            std::to_string(dds::ports_of(link::joining_config(address, {})).first) +
-            " on open in both directions? `comrad doctor --hosts` on that host measures the way"};
+    return Error{ErrorCode::kTimeout,
+                 offer.error().message + " at " + address.host +
+                     ": is the run serving (`comrad serve RUN` on its host reports so), on the interface "
+                     "that leads here, and are UDP ports from " +
+                     std::to_string(dds::ports_of(link::joining_config(address, {})).first) +
+                     " on open in both directions? `comrad doctor --hosts` on that host measures the way"};
   if (!offer) return Error{offer.error().code, "the run does not open: " + offer.error().message};
   COMRAD_TRY(compare_with(*offer, iwad));
   COMRAD_TRY_ASSIGN(RunDirectory directory, folder_for(own, *offer));
@@ -137,7 +136,7 @@ Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
   return directory;
 }
 
-/// Whether simulators of this host play with the policy workers of the learner's. `note` says why.
+/// Whether simulators of this host play with the policy workers of the learner's. `note` states why.
 Expected<bool> sends_frames(const RunConfig& own, const link::Offer& offer, std::string& note) {
   const bool has_room = offer.frame_workers > 0;
   switch (own.hosts.link) {

@@ -17,7 +17,7 @@ namespace comrad::deploy {
 const std::vector<Command>& commands() {
   static const std::vector<Command> all = {
       {"train", "train agents on a scenario", train_command},
-      {"serve", "train a run, new or begun, with a door open for other hosts", serve_command},
+      {"serve", "train a run, new or begun, with a join endpoint for other hosts", serve_command},
       {"join", "let this host play for the learner of another host's run", join_command},
       {"eval", "score or film a policy: a run's, random play or a scripted team", eval_command},
       {"plot", "draw learning curves of runs, or of several seeds with their mean, as PNG or SVG",

@@ -49,7 +49,7 @@ std::string state_of(const std::string& run_dir) {
 
 Error not_running(const LiveRun& run) {
   return {ErrorCode::kNotFound, "run '" + run.name + "' is not running" + state_of(run.dir) +
-                                    "; comrad train --experiment " + run.name + " goes on with it"};
+                                    "; comrad train --experiment " + run.name + " continues with it"};
 }
 
 }  // namespace
@@ -69,12 +69,12 @@ Expected<LiveRun> find_live_run(const std::string& name, const std::string& trai
   if (!run.control.host.empty() && run.control.host != host_name() && !is_held(run.dir)) {
     // A lock of another host shows here only where the file system passes locks on.
     return Error{ErrorCode::kBadInput, "run '" + run.name + "' was started on host " + run.control.host +
-                                           "; if it runs, ask for it there" + state_of(run.dir)};
+                                           "; if it runs, send the command there" + state_of(run.dir)};
   }
   if (!is_held(run.dir)) return not_running(run);
   if (!run.control.host.empty() && run.control.host != host_name())
     return Error{ErrorCode::kBadInput,
-                 "run '" + run.name + "' runs on host " + run.control.host + "; ask for it there"};
+                 "run '" + run.name + "' runs on host " + run.control.host + "; send the command there"};
   if (run.control.socket.empty())
     return Error{ErrorCode::kBadInput,
                  "run '" + run.name + "' (pid " + std::to_string(run.control.pid) +

@@ -23,7 +23,7 @@ Expected<LiveRun> find_live_run(const std::string& name, const std::string& trai
 /// The runs of a folder whose lock is held, sorted by name.
 std::vector<LiveRun> live_runs(const std::string& train_dir);
 
-/// Asks and waits for the answer. Errors: what the run said; kPeerLost where it has ended, kTimeout, and kBadInput where
+/// Sends a request and waits for the answer. Errors: what the run said; kPeerLost where it has ended, kTimeout, and kBadInput where
 /// it belongs to another user.
 Expected<nlohmann::json> ask(const LiveRun& run, const nlohmann::json& request, double timeout_s = 5);
 

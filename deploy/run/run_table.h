@@ -8,7 +8,7 @@
 
 namespace comrad::deploy {
 
-/// One column: `weight` says which goes first where the terminal is narrow, the lightest.
+/// One column: `weight` decides which is dropped first where the terminal is narrow, the lightest.
 struct TableColumn {
   std::string title;
   int weight = 0;

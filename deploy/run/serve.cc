@@ -1,4 +1,4 @@
-// `comrad serve RUN`: `comrad train --serve` by the run's name. A run that is at work and serves already says how it is
+// `comrad serve RUN`: `comrad train --serve` by the run's name. A run that is at work and serves already prints how it is
 // joined.
 
 #include <fcntl.h>
@@ -27,17 +27,17 @@ bool is_at_work(const std::string& run_dir) {
   return is_held;
 }
 
-/// Says how a run that is at work is joined. Errors: kBadInput where it serves nobody.
+/// Prints how other hosts join a run that is at work. Errors: kBadInput where it does not serve.
 Expected<int> tell_address(const std::string& run_dir) {
   COMRAD_TRY_ASSIGN(const RunConfig config, load_run_config(run_dir + "/config.toml"));
   if (!config.hosts.serve)
     return Error{ErrorCode::kBadInput,
                  run_dir +
-                     " is at work with its door closed; its shared memory has no places "
-                     "for other hosts. Stop it (Ctrl-C), and the same `comrad serve` goes on "
-                     "where it stopped, with the door open"};
+                     " is running without a join endpoint; its shared memory has no places "
+                     "for other hosts. Stop it (Ctrl-C), and the same `comrad serve` continues "
+                     "where it stopped, with a join endpoint"};
   COMRAD_TRY_ASSIGN(const link::LinkAddress address, link::kept_address(run_dir));
-  std::fprintf(stderr, "%s is at work and its door is open; other hosts join with:\n", run_dir.c_str());
+  std::fprintf(stderr, "%s is running and serves; other hosts join with:\n", run_dir.c_str());
   std::printf("comrad join %s\n", link::text_of(address).c_str());
   return kExitDone;
 }
@@ -68,8 +68,9 @@ Expected<int> serve(const std::string& run, const CommandLine& line, Arguments a
 int serve_command(Arguments arguments) {
   CommandLine line(
       "serve RUN [settings]",
-      "Trains the run RUN, a folder or the name of an experiment, with a door open: other hosts join with\n"
-      "`comrad join` at any time, and leave. A run that was begun goes on; another name begins a run, with "
+      "Trains the run RUN, a folder or the name of an experiment, with a join endpoint: other hosts join "
+      "with\n"
+      "`comrad join` at any time, and leave. A run that was begun continues; another name begins a run, with "
       "the\n"
       "settings of `comrad train`. For a run that is at work it prints how other hosts join.\n"
       "Beyond loopback (--interface NAME) it needs keys, or --insecure_network.");

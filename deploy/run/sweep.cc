@@ -107,7 +107,7 @@ int parsed(CommandLine& line, Arguments arguments, Work&& work) {
   return done ? *done : report_error("sweep", done.error());
 }
 
-/// What Slurm says; a warning where it gives no answer.
+/// What Slurm reports; a warning where it gives no answer.
 QueuedElements ask_queue(const SweepFolder& folder) {
   const Expected<QueuedElements> queued = queued_elements(folder);
   if (queued) return *queued;
@@ -117,11 +117,12 @@ QueuedElements ask_queue(const SweepFolder& folder) {
 }
 
 int status_command(Arguments arguments) {
-  Looking look("sweep status NAME [--watch] [--json]",
-               "Shows every run of a sweep: state, env frames, rate, score J, time left, host. The states "
-               "are waiting,\n"
-               "queued (with Slurm), running, interrupted (goes on when the sweep is started again), failed, "
-               "finished.");
+  Looking look(
+      "sweep status NAME [--watch] [--json]",
+      "Shows every run of a sweep: state, env frames, rate, score J, time left, host. The states "
+      "are waiting,\n"
+      "queued (with Slurm), running, interrupted (continues when the sweep is started again), failed, "
+      "finished.");
   bool watch = false, json = false;
   look.line.add_switch("watch", watch, "show it again every two seconds until nothing runs");
   look.line.add_switch("json", json, "print one JSON object on stdout and nothing else");
@@ -148,7 +149,7 @@ int status_command(Arguments arguments) {
 int stop_command(Arguments arguments) {
   Looking look(
       "sweep stop NAME",
-      "Ends a sweep: its runs save a checkpoint and stop. The same `comrad sweep FILE` goes on later.");
+      "Ends a sweep: its runs save a checkpoint and stop. The same `comrad sweep FILE` continues later.");
   return parsed(look.line, arguments, [&]() -> Expected<int> {
     COMRAD_TRY_ASSIGN(const Found found, find_sweep(look.name, look.train_dir));
     const auto signal_runs = [&] {
@@ -259,7 +260,7 @@ int start_command(Arguments arguments) {
   bool estimate = false, dry_run = false;
   double seconds = 10;
   CommandLine line("sweep FILE.toml [--dry_run] [--estimate]\n       comrad sweep status|stop|logs NAME",
-                   "Makes every run that the file asks for: all combinations of its [axes]. Each is an "
+                   "Makes every run that the file requests: all combinations of its [axes]. Each is an "
                    "ordinary `comrad train` in\n"
                    "<train_dir>/<name>/<run>. The same command again makes only what is missing, failed or "
                    "was interrupted.\n"
@@ -317,7 +318,7 @@ int start_command(Arguments arguments) {
     if (stale > 0)
       std::fprintf(
           stderr,
-          "%d results in %s are stale: recipe or map have changed since (comrad sweep status says "
+          "%d results in %s are stale: recipe or map have changed since (comrad sweep status reports "
           "what). They stay;\nremove a run's folder there, and its run directory, to make it again\n",
           stale, plan.file.results.folder.c_str());
     COMRAD_TRY_ASSIGN(const std::string text, read_short_file(path, 1 << 20));

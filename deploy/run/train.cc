@@ -56,7 +56,7 @@ struct StartPlan {
   SettingsLayer file;  ///< of the user
   RunPlace place;
   MergedSettings merged;
-  bool exists = false;   ///< an earlier run's config.toml lies in the directory, to go on from
+  bool exists = false;   ///< an earlier run's config.toml lies in the directory, to continue from
   bool resumes = false;  ///< and a checkpoint
   SettingsLayer before;  ///< that config.toml; empty unless the run resumes
   std::string iwad;
@@ -86,7 +86,7 @@ ExplicitValues explicit_values(const StartPlan& plan) {
   return in_order;
 }
 
-/// The settings of a run that goes on in `run_dir`.
+/// The settings of a run that continues in `run_dir`.
 Expected<MergedSettings> settings_of_resumed(const std::string& run_dir, const UserSettings& user) {
   COMRAD_TRY_ASSIGN(const RunConfig run, load_run_config(run_dir + "/config.toml"));
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, usable_cores()));
@@ -132,7 +132,7 @@ Expected<StartPlan> plan_start(const UserSettings& user, bool allow_no_update,
   std::error_code error;
   plan.exists = !name.empty() && plan.place.restart_behavior == RestartBehavior::kResume &&
                 fs::exists(named_dir + "/config.toml", error);
-  // A run that never saved has nothing to go on from; it may have been refused for the settings in its config.toml.
+  // A run that never saved has nothing to continue from; it may have been refused for the settings in its config.toml.
   plan.resumes = plan.exists && find_checkpoint(named_dir, CheckpointKind::kLatest).has_value();
   if (plan.resumes) {
     COMRAD_TRY_ASSIGN(plan.merged, settings_of_resumed(named_dir, user));
@@ -249,10 +249,10 @@ Expected<int> train(const UserSettings& user, bool allow_no_update, const std::s
 int train_command(Arguments arguments) {
   CommandLine line(
       "train --scenario NAME [--algo NAME] [--seed N] [settings]",
-      "Trains agents: simulators, policy workers and the learner run as processes of their own until\n"
+      "Trains agents: simulators, policy workers and the learner run as their own processes until\n"
       "--train_for_env_frames env frames are learned from. Ctrl-C saves a checkpoint and stops. The run "
       "lies\n"
-      "in <train_dir>/<experiment>; the same command with the same --experiment goes on where it stopped.");
+      "in <train_dir>/<experiment>; the same command with the same --experiment continues where it stopped.");
   bool allow_no_update = false;
   line.add_switch("allow_no_update", allow_no_update,
                   "start even where the run would end before the replay is filled and learning begins");

@@ -321,7 +321,7 @@ std::string CommandLine::help(const std::optional<ValuesInForce>& values, HelpEx
       ++left_out;
       continue;
     }
-    if (values && values->parts_idle && !flag.row->counts(values->config)) {
+    if (values && values->parts_idle && !flag.row->applies(values->config)) {
       idle.push_back(flag.name);
       continue;
     }

@@ -28,7 +28,7 @@ std::string layout_name(const RunConfig& config) {
   return scenario_file_name(config) + "_" + std::to_string(config.environment.layout_seed) + ".wad";
 }
 
-/// What `train:<count>`, `eval:<count>` and `curriculum` ask for.
+/// What `train:<count>`, `eval:<count>` and `curriculum` request.
 struct PoolToDraw {
   std::string word;
   std::optional<int64_t> count = {};  ///< of layouts; a curriculum has as many as its stages
@@ -222,7 +222,7 @@ Expected<std::string> ensure_layout(const RunConfig& config, const std::string& 
   const fs::path path = fs::absolute(fs::path(folder) / layout_name(config), error);
   if (fs::exists(path, error) && check_wad(path.string())) return path.string();
 
-  // It writes its file beside the place and renames it: nobody sees half a map.
+  // It writes its file beside the place and renames it: no reader sees half a map.
   COMRAD_TRY_ASSIGN(const ProgramResult made,
                     run_program({sibling_program("comrad-doomgen"), config.run.scenario, "--seed",
                                  std::to_string(config.environment.layout_seed), "--num_agents",

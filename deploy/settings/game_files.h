@@ -35,7 +35,7 @@ Status check_layout(const RunConfig& config);
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
                                          bool for_training);
 
-/// Layouts that a run is evaluated on unless its own are asked for: fresh ones, which no training pool shares.
+/// Layouts that a run is evaluated on unless its own are requested: fresh ones, which no training pool shares.
 constexpr const char* kHeldOutPool = "eval:20";
 /// Where a run that evaluates as it trains keeps their list.
 constexpr const char* kHeldOutListFile = "layouts/held_out.toml";
@@ -43,10 +43,10 @@ constexpr const char* kHeldOutListFile = "layouts/held_out.toml";
 /// The word for the stages that lead to the scenario's own map, which such runs are evaluated on.
 constexpr const char* kCurriculumPool = "curriculum";
 
-/// Whether a run is evaluated on one map unless told otherwise: its own, or the one that its curriculum leads to.
+/// Whether a run is evaluated on one map by default: its own, or the one that its curriculum leads to.
 bool is_evaluated_on_one_map(const RunConfig& config);
 
-/// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`, `curriculum`) rather than
+/// Whether `layout_pool` requests a pool to be drawn (`train:<count>`, `eval:<count>`, `curriculum`) rather than
 /// naming a folder.
 bool is_pool_to_draw(const std::string& layout_pool);
 /// The same, or to be made of the maps of a WAD: it comes to lie in the run's folder.
@@ -71,7 +71,7 @@ bool is_generated_layout(const RunConfig& config);
 void forget_stale_layout(const RunConfig& run, RunConfig& config);
 
 /// The map in words, for results: "seed 42", the path of the user's WAD, or "pool " and what
-/// layout_pool says.
+/// layout_pool states.
 std::string layout_text(const RunConfig& config);
 
 }  // namespace comrad::deploy

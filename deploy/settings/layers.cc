@@ -35,7 +35,7 @@ Status LayeredConfig::put(const NamedLayer& layer) {
     const OtherName* other = find_other_name(key);
     if (other != nullptr && other->assign != nullptr) {
       for (const std::string_view setting : other->sets)
-        if (!setting.empty() && other->counts(config)) from[std::string(setting)] = layer.name;
+        if (!setting.empty() && other->applies(config)) from[std::string(setting)] = layer.name;
     } else if (const SettingRow* row = find_setting(key)) {
       from[std::string(row->name)] = layer.name;
     }

@@ -24,7 +24,7 @@ std::string absolute(const std::string& path) {
   return std::filesystem::absolute(path, ignored).lexically_normal().string();
 }
 
-/// The scenario, by its whole path where a path names it: a run goes on from whatever folder.
+/// The scenario, by its whole path where a path names it: a run continues from whatever folder.
 std::string whole_path(const std::string& scenario) {
   const bool is_path = scenario.find('/') != std::string::npos || names_vizdoom_config(scenario);
   return is_path ? absolute(scenario) : scenario;
@@ -46,12 +46,12 @@ bool are_equal_files(const std::string& one, const std::string& other) {
   return here && there && *here == *there;
 }
 
-/// What chooses the lower layers and what a scenario is asked for: read off the upper layers first.
+/// Read from the upper layers first: what chooses the lower layers and the scenario.
 constexpr std::array<std::string_view, 9> kChoices = {
     "scenario", "variant", "num_agents",   "heads", "use_additional_input",
     "algo",     "mixer",   "qplex_preset", "preset"};
 
-/// How much of the team's reward each agent gets where nobody asked for a share.
+/// How much of the team's reward each agent gets where no share is set.
 double default_alpha(const RunConfig& config, const ScenarioDescription& scenario) {
   switch (config.run.algo->reward_share) {
     case RewardShare::kOwn:

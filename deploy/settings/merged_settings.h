@@ -22,7 +22,7 @@
 
 namespace comrad::deploy {
 
-/// Asks what a scenario is; describe_scenario outside of tests.
+/// Describes a scenario; describe_scenario outside of tests.
 using Describe = std::function<Expected<ScenarioDescription>(const RunConfig&)>;
 
 struct MergedSettings {
@@ -54,7 +54,7 @@ struct RunPlace {
 /// for that run, and not its name, its generated map and what was worked out for it. Errors: those of read_settings_toml.
 Expected<SettingsLayer> file_layer(const UserSettings& user);
 
-/// What the user says of the run's place, before it is known whether the run is new; `file` as file_layer() reads it.
+/// The user's settings of the run's place, before it is known whether the run is new; `file` as file_layer() reads it.
 /// Errors: those of apply_layer().
 Expected<RunPlace> place_of_run(const SettingsLayer& file, const SettingsLayer& typed);
 
@@ -64,7 +64,7 @@ Expected<RunPlace> place_of_run(const SettingsLayer& file, const SettingsLayer& 
 Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& describe, int core_count,
                                    const SettingsLayer& changes = {});
 
-/// The settings of an existing run with what the user asks on top. Settings that shape the network or the data
+/// The settings of an existing run with the user's settings on top. Settings that shape the network or the data
 /// (fixed_in_a_run) cannot change; a different value is an error that names the run's. Of a run's config.toml in
 /// `user.config_file` everything that was worked out is left out.
 Expected<MergedSettings> merge_onto_run(const RunConfig& run, const UserSettings& user,

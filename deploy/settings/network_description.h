@@ -1,4 +1,4 @@
-// Asks the network how large it is: this program does not load libtorch, comrad-policy-worker does.
+// Queries the network's size: this program does not load libtorch, comrad-policy-worker does.
 #pragma once
 
 #include <string>

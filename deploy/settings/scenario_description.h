@@ -1,5 +1,5 @@
-// What the launcher knows of a scenario: the words of `comrad-scenarios describe`. The launcher links no
-// scenario code; it asks the program beside it, so that a scenario stays one folder.
+// The launcher's description of a scenario: the output of `comrad-scenarios describe`. The launcher links no
+// scenario code; it runs the program beside it, so that a scenario stays one folder.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct ScenarioDescription {
   std::string title;
   int64_t version = 1;
   EnvShape
-      env;  ///< for the asked number of agents; with the scenario's global state, which not every run wants
+      env;  ///< for the asked number of agents; with the scenario's global state, which not every run requires
   std::vector<int> supported_agents;
   int64_t decision_limit = 0;  ///< decisions after which an episode is truncated
   double ceiling = 0;          ///< best possible score J
@@ -40,7 +40,7 @@ Expected<ScenarioDescription> parse_description(std::string_view json);
 /// Its warnings, on standard error.
 void print_warnings(const ScenarioDescription& scenario);
 
-/// Starts `comrad-scenarios describe` for the scenario, team and heads of `config`. `num_agents` 0 asks for the scenario's
+/// Starts `comrad-scenarios describe` for the scenario, team and heads of `config`. `num_agents` 0 requests the scenario's
 /// default; without `use_additional_input` the shape has no measurements. Errors: kBadInput for an unknown scenario or team size,
 /// naming the known ones; kNotFound without the program.
 Expected<ScenarioDescription> describe_scenario(const RunConfig& config);

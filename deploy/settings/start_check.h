@@ -14,7 +14,7 @@
 
 namespace comrad::deploy {
 
-/// Asks how large a network is; describe_network outside of tests.
+/// Queries a network's size; describe_network outside of tests.
 using DescribeNetwork = std::function<Expected<NetworkSize>(const RunConfig&, const EnvShape&)>;
 
 /// What a start with some settings would work with on this machine.

@@ -17,7 +17,7 @@ std::string shown(const std::string& text) { return text.empty() ? "empty" : tex
 
 std::vector<std::string> flags_without_effect(const RunConfig& config, const SettingsLayer& typed) {
   RunConfig judged = config;
-  if (is_generated_layout(judged)) judged.environment.wad.clear();  // nobody asked for that one
+  if (is_generated_layout(judged)) judged.environment.wad.clear();  // not set by the user
   std::vector<std::string> lines;
   const auto judge = [&](std::string_view name, const std::string& text, const AppliesWhen& applies_when) {
     if (applies_when.holds != nullptr && !applies_when.holds(judged))

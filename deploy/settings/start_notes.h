@@ -17,7 +17,7 @@ std::vector<std::string> flags_without_effect(const RunConfig& config, const Set
 /// The same for an evaluation, which uses few settings.
 std::vector<std::string> flags_unused_by_eval(const SettingsLayer& typed);
 
-/// "changed since the last start: gamma 0.995 -> 0.9"; empty where nothing did. What says where the run lies, and a map
+/// "changed since the last start: gamma 0.995 -> 0.9"; empty where nothing did. The settings of where the run lies, and a map
 /// that was generated for it, are left out.
 std::string changes_text(const RunConfig& before, const RunConfig& now);
 

@@ -42,7 +42,7 @@ bool is_taken(const std::string& run_dir) {
   return lock.is_open() && flock(lock.get(), LOCK_SH | LOCK_NB) != 0;
 }
 
-/// The sweep at work: its slots, who is in them, who waits.
+/// The sweep at work: its slots, the runs in them, the runs that wait.
 class LocalSweep {
  public:
   LocalSweep(const SweepFolder& folder, std::vector<LocalSlot> slots, std::vector<const SweepRun*> to_do,
@@ -135,7 +135,7 @@ class LocalSweep {
     for (int number; (number = signals_.next()) != 0;) {
       if (number == SIGCHLD || number == SIGUSR1) continue;
       if (!is_stopping_)
-        printer_.note("stopping: the runs save a checkpoint; the same command goes on later");
+        printer_.note("stopping: the runs save a checkpoint; the same command continues later");
       is_stopping_ = true;
       for (Attempt& one : attempts_)
         if (one.process) one.process->send_signal(SIGTERM);
@@ -152,7 +152,7 @@ class LocalSweep {
       const RunView view = folder_.look(*one.run, {});
       std::string words = one.run->name + " " + word_of(view.state);
       if (!view.record.error.empty()) words += ": " + view.record.error;
-      // The attempt itself could not work: its record does not say so.
+      // The attempt itself could not work: its record lacks that.
       if (view.state == RunState::kInterrupted && how->code != 0 && !one.last_lines.empty())
         words += " (" + one.last_lines.back() + ")";
       printer_.note(words);

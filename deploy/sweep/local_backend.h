@@ -1,4 +1,4 @@
-// Runs of a sweep on this machine, at most so many at once, each on cores of its own.
+// Runs of a sweep on this machine, at most so many at once, each on its own cores.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@
 
 namespace comrad::deploy {
 
-/// A place for one run: the cores and GPUs that nobody else of the sweep uses.
+/// A place for one run: the cores and GPUs that no other run of the sweep uses.
 struct LocalSlot {
   std::vector<int> cpus;
   std::string gpus;  ///< CUDA_VISIBLE_DEVICES; empty where runs have none
@@ -26,7 +26,7 @@ Expected<std::vector<LocalSlot>> local_slots(const SweepPlan& plan, std::size_t 
 /// The GPUs that this process may use: CUDA_VISIBLE_DEVICES, else those of /dev.
 std::vector<std::string> visible_gpus();
 
-/// Runs what is to do, then the report, and says how every run ended. SIGINT and SIGTERM: the runs save and stop. A run
+/// Runs what is to do, then the report, and prints how every run ended. SIGINT and SIGTERM: the runs save and stop. A run
 /// that another process still has (a killed sweep's, which is saving) is waited for. `program` makes an attempt
 /// (`<program> sweep element ...`). The exit code: 0 all finished or stopped, 1 some failed.
 /// Errors: those of local_slots; kSystem.

@@ -6,7 +6,7 @@
     search.py report FOLDER RUN --trial N --env_frames F --score J      prints {"pruned": BOOL}
     search.py tell FOLDER RUN --trial N [--score J]                     without a score: the run failed
 
-FOLDER is the sweep's. Its sweep.json says what is searched and which study a run belongs to; the study is the file
+FOLDER is the sweep's. Its sweep.json states what is searched and which study a run belongs to; the study is the file
 search/<study>.log, which many of these programs may use at once, from several hosts. Every command may be given again, as after
 a SIGKILL, and then gives the same answer. The exit code is 1, with one line on stderr, where the study file is missing or damaged.
 """

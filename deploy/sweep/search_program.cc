@@ -158,7 +158,7 @@ Expected<bool> end_step(const SweepFolder& folder, const SweepRun& run, RunRecor
       return Error{ErrorCode::kBadFormat,
                    folder.path() + "/search/" + run.name + ".json was removed; restore it"};
     if (!(env_frames > 0))
-      return Error{ErrorCode::kBadFormat, folder.run_dir(run) + "/status.json says no env frames"};
+      return Error{ErrorCode::kBadFormat, folder.run_dir(run) + "/status.json contains no env frames"};
     COMRAD_TRY(keep_checkpoint(folder, run, own.generations.size() - 1));
     own.generations.back().env_frames = env_frames;
     own.generations.back().score = score;

@@ -16,17 +16,17 @@ Expected<std::string> search_python();
 /// missing, kBadFormat where one is damaged; those of search_python; kSystem, kNoSpace.
 Status begin_search(const SweepFolder& folder);
 
-/// What `comrad train` is told next, beside or in place of the run's settings.
+/// The next settings of `comrad train`, beside or in place of the run's settings.
 struct SearchStep {
   SettingValues settings;     ///< train_for_env_frames among them
   double end_env_frames = 0;  ///< where the step ends
 };
 
-/// The settings of the run's next step, which the record says from now on; the caller writes it. A run that is no search's has
+/// The settings of the run's next step, which the record contains from now on; the caller writes it. A run that is no search's has
 /// one step, without settings. Errors: of the study or the population's files, with what to do.
 Expected<SearchStep> begin_step(const SweepFolder& folder, const SweepRun& run, RunRecord& record);
 
-/// Whether the run goes on after a step that ended; `record` says how many there were, and where it was pruned. `score`: J; NaN
+/// Whether the run continues after a step that ended; `record` states how many there were, and where it was pruned. `score`: J; NaN
 /// where no episode has ended. Errors: as begin_step(); kNotFound for a trial without a score.
 Expected<bool> end_step(const SweepFolder& folder, const SweepRun& run, RunRecord& record, double env_frames,
                         double score);

@@ -44,7 +44,7 @@ struct SweepSearch {
   std::vector<SearchedSetting> space;
   // Successive halving.
   double first_env_frames = 0;  ///< of the first rung
-  int64_t reduction = 3;        ///< one of so many goes on, for so many times the env frames
+  int64_t reduction = 3;        ///< one of so many continues, for so many times the env frames
   // Population-based training.
   double every_env_frames = 0;  ///< of a generation
   double quantile = 0.25;       ///< share of the members that copy, and of those that are copied

@@ -50,7 +50,7 @@ std::vector<Submission> submissions(const SweepFolder& folder) {
 
 std::string report_name(const std::string& job_name) { return job_name + ".report"; }
 
-/// Asks a program of Slurm. Errors: kNotFound, kSystem in its words.
+/// Runs a program of Slurm. Errors: kNotFound, kSystem in its words.
 Expected<std::string> ask(const std::vector<std::string>& command) {
   const Expected<ProgramResult> done = run_program(command, {.timeout_s = 120});
   if (!done) return Error{done.error().code, done.error().message + "; is this a host of a Slurm cluster?"};

@@ -1,5 +1,5 @@
 // Runs of a sweep as one Slurm job array. What is pending or running is asked of squeue, by the names that the jobs were
-// given; how a run went stands in its record and its folder. No accounting database is needed, and nothing stays running
+// given; how a run went is in its record and its folder. No accounting database is needed, and nothing stays running
 // on the host that submits.
 //
 //   records/slurm_<n>.sh         the batch script of submission n; element i makes the i-th of its runs
@@ -17,7 +17,7 @@
 
 namespace comrad::deploy {
 
-/// The name of submission `number`'s array, by which squeue finds it: it names the sweep and tells folders apart.
+/// The name of submission `number`'s array, by which squeue finds it: it names the sweep and differs between folders.
 std::string slurm_job_name(const SweepFolder& folder, int number);
 
 /// The batch script that makes `runs`; `program` makes an attempt (`<program> sweep element ...`). Pure.
@@ -43,7 +43,7 @@ QueuedElements parse_queue(const std::string& text,
 /// Errors: those of queued_elements and sbatch, in its words; kNoSpace.
 Expected<int> run_slurm(const SweepPlan& plan, const SweepFolder& folder, const std::string& program);
 
-/// Takes pending elements and reports out of the queue, and tells running ones to save and stop. How many jobs it was.
+/// Takes pending elements and reports out of the queue, and signals running ones to save and stop. How many jobs it was.
 Expected<int> stop_slurm(const SweepFolder& folder);
 
 }  // namespace comrad::deploy

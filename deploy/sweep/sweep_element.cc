@@ -48,7 +48,7 @@ void pin_to(const std::vector<int>& cpus) {
   CPU_ZERO(&mask);
   for (const int cpu : cpus)
     if (cpu >= 0 && cpu < CPU_SETSIZE) CPU_SET(static_cast<std::size_t>(cpu), &mask);
-  sched_setaffinity(0, sizeof mask, &mask);  // a wish: a container may forbid it
+  sched_setaffinity(0, sizeof mask, &mask);  // best effort: a container may forbid it
 }
 
 /// Of status.json.
@@ -263,7 +263,7 @@ class Element {
     return record_.state == RunState::kFailed ? kExitFailed : kExitDone;
   }
 
-  /// Whether one came that asks the run to stop.
+  /// Whether one came that requests the run to stop.
   bool hear_signals() {
     bool came = false;
     for (int number; (number = signals_.next()) != 0;) {

@@ -1,4 +1,4 @@
-// One attempt of one run: `comrad train` is started in the sweep's folder, what it prints is kept, and the record says how
+// One attempt of one run: `comrad train` is started in the sweep's folder, what it prints is kept, and the record states how
 // it ended. Both backends start this program for every run, the local one as its child and Slurm as an element of its array.
 #pragma once
 
@@ -14,12 +14,12 @@ namespace comrad::deploy {
 struct ElementOptions {
   std::vector<int> cpus;  ///< the attempt is pinned to these; none: anywhere
   bool takes_turns =
-      false;  ///< a member of a population ends after one generation; else it goes on to its goal
+      false;  ///< a member of a population ends after one generation; else it continues to its goal
   std::string train_program;  ///< empty: `comrad` beside this program
 };
 
-/// Makes the attempt, of a search's run step after step (search_program.h). SIGTERM and SIGINT are passed on: the run saves and may go on later. SIGUSR1, which Slurm sends
-/// before the time limit, does the same and then asks Slurm to queue this element again; so does a run that was killed
+/// Makes the attempt, of a search's run step after step (search_program.h). SIGTERM and SIGINT are passed on: the run saves and may continue later. SIGUSR1, which Slurm sends
+/// before the time limit, does the same and then requeues this element in Slurm; so does a run that was killed
 /// after it had got further than where it began. The exit code: 0 finished or stopped, 1 failed.
 /// Errors: kSystem, kNoSpace (the record).
 Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const ElementOptions& options);
@@ -27,7 +27,7 @@ Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const 
 /// What an ended `comrad train` means. `killed_may_go_on`: with Slurm, where a killed attempt that got somewhere is made
 /// again.
 ///
-///   was_told      we told it to stop
+///   was_told      we requested its stop
 ///   status_state  of status.json
 ///   frames        env frames that it stands at
 RunRecord judge_attempt(RunRecord record, const ExitStatus& how, bool was_told,

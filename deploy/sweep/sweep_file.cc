@@ -122,7 +122,7 @@ class Keys {
     return is_good ? list : nullptr;
   }
 
-  /// Errors: the first key that nobody took.
+  /// Errors: the first unknown key.
   Status no_others() const {
     for (const auto& [key, node] : table_) {
       const std::string name(key.str());
@@ -214,7 +214,7 @@ Expected<SweepAxis> axis_of(const SweepFile& file, const toml::key& key, const t
     COMRAD_TRY(add(node));
   } else {
     return refuse(file, axis.line,
-                  axis.setting + " must be a list of values here; what all runs share stands in [settings]");
+                  axis.setting + " must be a list of values here; what all runs share is in [settings]");
   }
   return axis;
 }
@@ -429,7 +429,7 @@ Status read_search(SweepFile& file, const toml::table& table) {
   COMRAD_TRY(status);
   if (search.runs == 0)
     return refuse(file, search.line,
-                  std::string("[search] says no number of runs; add a line: ") +
+                  std::string("[search] lacks the number of runs; add a line: ") +
                       (is_pbt ? "members = 8" : "trials = 20"));
   if (search.method == SearchMethod::kHalving && search.first_env_frames < 1)
     return refuse(file, search.line,
@@ -446,7 +446,7 @@ Status read_search(SweepFile& file, const toml::table& table) {
     return refuse(file, search.line,
                   "[results] cannot be had with [search]; evaluate the best run with comrad eval, or put its "
                   "settings into a "
-                  "sweep of their own");
+                  "separate sweep");
   return read_space(file, *space);
 }
 

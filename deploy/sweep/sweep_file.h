@@ -1,4 +1,4 @@
-// The one file that says what a sweep is: which runs, with which settings, how many at once and where. Reading it checks
+// The one file that states what a sweep is: which runs, with which settings, how many at once and where. Reading it checks
 // every key and every value by itself; sweep_plan.h checks what they make together. Stage: before a run.
 #pragma once
 

@@ -95,7 +95,7 @@ std::optional<SweepRun> run_from(const ordered_json& json) {
   return run;
 }
 
-/// A run goes on with the settings that it has; one that the file no longer names would silently stay.
+/// A run continues with the settings that it has; one that the file no longer names would silently stay.
 Status check_nothing_forgotten(const SweepPlan& plan, const std::vector<SweepRun>& before) {
   for (const SweepRun& run : plan.runs) {
     const auto old = std::ranges::find(before, run.name, &SweepRun::name);
@@ -104,10 +104,10 @@ Status check_nothing_forgotten(const SweepPlan& plan, const std::vector<SweepRun
     for (const auto& [setting, value] : old->settings.values)
       if (std::ranges::find(run.settings.values, setting, &std::pair<std::string, std::string>::first) ==
           run.settings.values.end())
-        return Error{ErrorCode::kBadInput, plan.file.path + ": " + run.name + " was made with " + setting +
-                                               " = " + value +
-                                               ", which the file no longer says; put it back, or give the "
-                                               "sweep another name"};
+        return Error{ErrorCode::kBadInput,
+                     plan.file.path + ": " + run.name + " was made with " + setting + " = " + value +
+                         ", which the file no longer contains; put it back, or give the "
+                         "sweep another name"};
   }
   return {};
 }
@@ -162,7 +162,7 @@ std::string proc_entry(const std::string& path, const std::string& key) {
 
 std::string lock_path(const std::string& folder) { return folder + "/.sweep.lock"; }
 
-/// The pid that stands in a lock file; 0 if none.
+/// The pid that is in a lock file; 0 if none.
 pid_t owner_of(const Descriptor& lock) {
   char text[32] = {};
   if (pread(lock.get(), text, sizeof text - 1, 0) <= 0) return 0;
@@ -378,7 +378,7 @@ RunView SweepFolder::look(const SweepRun& run, const QueuedElements& queued) con
     view.env_frames = value_or<double>(*status, "env_frames", 0);
     view.env_frames_per_s = value_or<double>(*status, "env_frames_per_s", 0);
     view.score_mean = value_or<double>(*status, "J_mean", std::nan(""));
-    // It may have been brought there by hand. A search counts what its elements have told.
+    // It may have been brought there by hand. A search counts its elements' reports.
     is_at_goal |= run.study.empty() && value_or<std::string>(*status, "state", "") == "finished" &&
                   view.env_frames >= run.goal_env_frames;
   }

@@ -4,15 +4,15 @@
 //     sweep.toml             the file, as it was when the sweep was started last
 //     sweep.json             its runs with their settings, the resources of one, and for every start: time, backend,
 //                            commit, host
-//     records/<run>.json     how the run's attempts went; written by who makes the attempt, and by nobody else
+//     records/<run>.json     how the run's attempts went; written only by the process that makes the attempt
 //     records/<run>.log      what `comrad train` printed in all of them
 //     search/                with [search]: the studies of Optuna (search.py), or what members of populations did (population.h)
 //     <run>/                 an ordinary run directory
 //
-// What a finished run gave is kept elsewhere too where the file asks for it (sweep_results.h): such a run counts as finished
+// What a finished run gave is kept elsewhere too where the file requests it (sweep_results.h): such a run counts as finished
 // in every clone, whether its directory is there or not.
 //
-// Every file is written beside its place and renamed, so a SIGKILL leaves the old one or the new one. A run's record says
+// Every file is written beside its place and renamed, so a SIGKILL leaves the old one or the new one. A run's record states
 // `running` until its attempt writes how it ended; where the attempt was killed, the process in the record is gone and the
 // run counts as interrupted.
 #pragma once
@@ -37,7 +37,7 @@ enum class RunState {
   kWaiting,  ///< never started, or its goal has grown since it finished
   kQueued,   ///< with Slurm, which has not started it
   kRunning,
-  kInterrupted,  ///< stopped, preempted or killed before its goal; goes on from its checkpoint
+  kInterrupted,  ///< stopped, preempted or killed before its goal; continues from its checkpoint
   kFailed,
   kFinished,
 };
@@ -93,7 +93,7 @@ struct SweepStart {
   int64_t memory_bytes = 0;
 };
 
-/// Asks the machine, and git about the source folder. `commit` ends in "-changed" where files differ from it, and is empty
+/// Reads the machine and, with git, the source folder. `commit` ends in "-changed" where files differ from it, and is empty
 /// without git.
 SweepStart facts_of_start(const std::string& backend);
 

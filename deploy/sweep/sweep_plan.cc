@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kRunsMax = 10'000;
 
-/// Asks once about every scenario, team size, input and heads: hundreds of runs share a few.
+/// Describes once every scenario, team size, input and heads: hundreds of runs share a few.
 class DescribeOnce {
  public:
   explicit DescribeOnce(const Describe& describe) : describe_(describe) {}
@@ -115,13 +115,14 @@ Status check_steps(const SweepSearch& search, const RunConfig& config) {
       std::ranges::find(search.space, "learning_rate", &SearchedSetting::setting) != search.space.end();
   if (search.method == SearchMethod::kPbt && moves_rate &&
       config.optimisation.lr_schedule != RateSchedule::kConstant)
-    return Error{ErrorCode::kBadInput,
-                 "learning_rate is searched, but with a kl_adaptive lr_schedule a member goes on at the rate "
-                 "of its checkpoint; "
-                 "set lr_schedule = \"constant\""};
+    return Error{
+        ErrorCode::kBadInput,
+        "learning_rate is searched, but with a kl_adaptive lr_schedule a member continues at the rate "
+        "of its checkpoint; "
+        "set lr_schedule = \"constant\""};
   if (search.method == SearchMethod::kPbt && config.collection.deterministic)
     return Error{ErrorCode::kBadInput,
-                 "deterministic cannot be had with pbt: a member goes on from another one's checkpoint"};
+                 "deterministic cannot be had with pbt: a member continues from another one's checkpoint"};
   return {};
 }
 
@@ -193,7 +194,7 @@ Status add_extremes(const SweepFile& file, const std::vector<std::string>& value
     }
   for (const SearchedSetting& searched : file.search.space)
     if (const SettingRow* row = find_setting(searched.setting);
-        std::ranges::none_of(configs, [&](const RunConfig& config) { return row->counts(config); }))
+        std::ranges::none_of(configs, [&](const RunConfig& config) { return row->applies(config); }))
       return Error{ErrorCode::kBadInput,
                    searched.setting + " has no effect with these settings; take it out of the search"};
   return {};
@@ -228,7 +229,7 @@ Status check_starts(const SweepPlan& plan, const Describe& describe,
     COMRAD_TRY_ASSIGN(const MergedSettings merged,
                       merge_new({"", run.settings}, std::ref(once), static_cast<int>(plan.cores)));
     const auto start = check_start(merged.config, merged.scenario.env, run_dir, size_once);
-    // A cluster's hosts have memory and disks of their own.
+    // A cluster's hosts have their own memory and disks.
     const bool is_elsewhere =
         plan.file.backend == SweepBackend::kSlurm && !start && start.error().code == ErrorCode::kNoSpace;
     if (is_elsewhere) continue;
@@ -290,7 +291,7 @@ Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, 
   plan.cores = file.resources.cores;
   if (plan.cores == 0 && file.backend == SweepBackend::kSlurm)
     return Error{ErrorCode::kBadInput,
-                 file.path + ": add [resources] cores, for Slurm must be told how many a run gets"};
+                 file.path + ": add [resources] cores: Slurm needs the number of cores of a run"};
   if (plan.cores == 0) plan.cores = std::max<int64_t>(1, host_cores / file.local_at_once);
 
   std::size_t count = 1;

@@ -1,4 +1,4 @@
-// The runs that a sweep's file asks for: the product of its axes without what it excludes, with [search] the trials or members
+// The runs that a sweep's file requests: the product of its axes without what it excludes, with [search] the trials or members
 // of each, each with a name, its settings and a check that `comrad train` would take them. Pure but for `describe`; nothing is written or started here.
 #pragma once
 
@@ -13,8 +13,8 @@
 namespace comrad::deploy {
 
 struct SweepRun {
-  std::string name;  ///< says what it is: "lava_pit_ippo_seed42"; its folder below the sweep's
-  /// What `comrad train` is told: shared settings, then the axes; canonical names.
+  std::string name;  ///< for example "lava_pit_ippo_seed42"; its folder below the sweep's
+  /// The settings of `comrad train`: shared settings, then the axes; canonical names.
   SettingsLayer settings;
   double goal_env_frames = 0;  ///< train_for_env_frames
   std::string study =
@@ -36,7 +36,7 @@ struct SweepPlan {
   std::vector<SweepRun> extremes;
 };
 
-/// Makes the plan. `host_cores` are shared by local runs where the file names no cores. Every run is told the sizes that
+/// Makes the plan. `host_cores` are shared by local runs where the file names no cores. Every run gets the sizes that
 /// follow from its cores (num_workers, learner_threads), so that they do not depend on the host. A run of Q-learning whose
 /// replay would take what memory is free at its start gets half of [resources] memory_gb instead (replay_gb), so that the
 /// sum over runs is known.
@@ -48,7 +48,7 @@ Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, 
 Status check_starts(const SweepPlan& plan, const Describe& describe,
                     const DescribeNetwork& describe_network = deploy::describe_network);
 
-/// Runs that exist already can go on with the plan's settings. Errors: kBadInput naming the run and the setting that may
+/// Runs that exist already can continue with the plan's settings. Errors: kBadInput naming the run and the setting that may
 /// not change in it.
 Status check_existing_runs(const SweepPlan& plan, const Describe& describe);
 

@@ -8,7 +8,7 @@
 //                                   changed since
 //   <folder>/random_<scenario>.json  the evaluation of random play
 //
-// config.toml says nothing of a built-in value that no layer of the run sets; a later change of one makes no result stale.
+// config.toml does not describe a built-in value that no layer of the run sets; a later change of one makes no result stale.
 // result.json is written last, so what it names is there. Stage: after a run.
 #pragma once
 
@@ -42,15 +42,15 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
 /// evenly spread, J with five digits. Lines without both are left out. Pure.
 std::string curve_of(const std::string& metrics, std::size_t points_max);
 
-/// Seconds of training that a metrics.jsonl tells of, over all starts of the run (status.json counts from the last one); 0
-/// where it tells of none.
+/// Seconds of training that a metrics.jsonl records, over all starts of the run (status.json counts from the last one); 0
+/// where it records none.
 double trained_s(const std::string& metrics);
 
 /// The settings that count for what is learned and differ, "learning_rate 4e-04 -> 2e-04, ..."; empty where none does.
 /// Where a run lies, what its size follows from and how it is watched do not count. Pure.
 std::string recipe_changes(const RunConfig& then, const RunConfig& now);
 
-/// Notes in every kept result of the plan what has changed since it was made: its recipe (what the run would be told now),
+/// Notes in every kept result of the plan what has changed since it was made: its recipe (the run's settings now),
 /// or the map that its settings make now. `map_hash` gives the content hash of the map of a configuration without a pool.
 /// Returns how many are stale. Errors: kNoSpace, kSystem.
 Expected<int> note_stale_results(

@@ -49,7 +49,7 @@ std::string searched_text(const RunView& view) {
   return text;
 }
 
-/// The run with the highest J of each study, among those that have been told: finished trials, all members.
+/// The run with the highest J of each study, among those that reported one: finished trials, all members.
 std::vector<const RunView*> best_of_studies(const std::vector<RunView>& views) {
   std::vector<const RunView*> best;
   for (const RunView& view : views) {

@@ -30,7 +30,7 @@ Expected<std::vector<std::string>> scenario_names() {
   return names;
 }
 
-/// What a setting's row knows of the flag beyond the line of the help.
+/// What a setting's row adds to the flag beyond the line of the help.
 void complete_from_row(CompletedFlag& flag, const SettingRow& row) {
   for (const std::string_view old : row.traits.old_names)
     if (!old.empty()) flag.names.emplace_back(old);

@@ -8,7 +8,7 @@
 namespace comrad::deploy {
 namespace {
 
-/// Shells expand some characters of a word list; names of scenarios are folders that anybody may have made.
+/// Shells expand some characters of a word list; names of scenarios are folders that any user may have made.
 bool is_plain(std::string_view word) {
   return !word.empty() && std::ranges::all_of(word, [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.' || c == ':';

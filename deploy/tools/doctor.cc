@@ -1,4 +1,4 @@
-// `comrad doctor`: looks at the machine, line by line OK, WARN or FAIL, and says what to do.
+// `comrad doctor`: looks at the machine, line by line OK, WARN or FAIL, and reports what to do.
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -80,7 +80,7 @@ int doctor_command(Arguments arguments) {
       "inference, libtorch and CUDA.\n"
       "With --hosts: latency, bandwidth and clocks between this host and others. ADDRESS is that of a run "
       "that serves\n(as for `comrad join`); NAMES are asked through ssh, from the host that will learn.\n"
-      "Every line says OK, WARN or FAIL and, where there is something to do, what. Exit code 1 on FAIL.");
+      "Every line begins with OK, WARN or FAIL and ends with what to do, if anything. Exit code 1 on FAIL.");
   std::string hosts, interface;
   RunConfig config;
   line.add_option("hosts", hosts, "ADDRESS|NAMES",

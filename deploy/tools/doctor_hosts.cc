@@ -51,7 +51,7 @@ Expected<link::WayReport> measure_way(const link::LinkAddress& address, const Ru
   return link::check_way(bus, door);
 }
 
-/// Lets one host measure the way to a door of this one.
+/// Lets one host measure the connection to this one.
 std::vector<CheckResult> ask_host(const HostStart& call, const RunConfig& config) {
   const auto checked = [&]() -> Expected<std::vector<CheckResult>> {
     link::LinkAddress address{.port_base = static_cast<uint32_t>(config.hosts.port_base)};

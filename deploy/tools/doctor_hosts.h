@@ -1,4 +1,4 @@
-// `comrad doctor --hosts`: measures the way between hosts of a run, and says what to change. Stage: before a run.
+// `comrad doctor --hosts`: measures the way between hosts of a run, and states what to change. Stage: before a run.
 #pragma once
 
 #include <string>
@@ -14,8 +14,8 @@ namespace comrad::deploy {
 /// clocks.
 std::vector<CheckResult> judge_way(const link::WayReport& way);
 
-/// `where` is the address of a run that serves, its folder, or - for an address on the standard input: the way from here to
-/// that run is measured. Else names of hosts: a door is opened here, and they are asked through ssh to measure the way to it.
+/// `where` is the address of a run that serves, its folder, or - for an address on the standard input: the connection from here to
+/// that run is measured. Else names of hosts: a join endpoint is opened here, and they are called through ssh to measure the connection to it.
 std::vector<CheckResult> check_hosts(const std::string& where, const RunConfig& config);
 
 }  // namespace comrad::deploy

@@ -74,7 +74,7 @@ Status run(const KeysOptions& options) {
   COMRAD_TRY(show(options.folder));
   std::printf(
       "\nCopy each host's folder to it, and nothing else (scp -r %s/hosts/NAME NAME:). %s/run is for\n"
-      "the host that serves. %s/authority signs new hosts: keep it where nobody else reads it.\n",
+      "the host that serves. %s/authority signs new hosts: keep it where no other user can read it.\n",
       options.folder.c_str(), options.folder.c_str(), options.folder.c_str());
   return {};
 }
@@ -89,7 +89,8 @@ int keys_command(Arguments arguments) {
       "an\n"
       "identity for the host that serves (FOLDER/run) and for each host that joins (FOLDER/hosts/NAME). "
       "add:\n"
-      "identities for more hosts. show: who there is and until when; exit code 2 where one cannot be used.\n"
+      "identities for more hosts. show: list the hosts and when their certificates expire; exit code 2 where "
+      "one cannot be used.\n"
       "Nothing is ever replaced.");
   line.add_positional("ACTION", options.action, "make, add or show");
   line.add_positional("FOLDER", options.folder, "folder of the keys; show also takes one identity's folder");

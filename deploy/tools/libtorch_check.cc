@@ -129,7 +129,7 @@ CheckResult judge_cuda(const LibtorchSeen& seen, const std::string& driver, cons
                   "driver " + driver + " is too old for the CUDA " + seen.cuda + " of this libtorch" + on_cpu,
                   "update the driver to " + std::to_string(oldest) +
                       " or newer, or name a PyTorch for an older CUDA: COMRAD_TORCH=FOLDER ./comrad doctor");
-  const std::string why = seen.error.empty() ? "" : " (CUDA says: " + seen.error + ")";
+  const std::string why = seen.error.empty() ? "" : " (CUDA reports: " + seen.error + ")";
   if (visible_devices != nullptr)
     return answer(CheckLevel::kWarn, "driver " + driver + ", but no GPU is seen" + why + on_cpu,
                   "CUDA_VISIBLE_DEVICES is '" + std::string(visible_devices) +

@@ -121,7 +121,7 @@ CheckResult check_package_list(const std::string& name, const std::string& file,
   std::vector<std::string> command = {"dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n"};
   command.insert(command.end(), wanted->begin(), wanted->end());
   const auto listed = run_program(command);
-  if (!listed) return warn(name, "no dpkg here", "have installed what " + list + " says of each package");
+  if (!listed) return warn(name, "no dpkg here", "install the packages that " + list + " lists");
   std::string missing;
   for (const std::string& package : *wanted)
     if (("\n" + listed->output).find("\n" + package + " installed") == std::string::npos)
@@ -252,7 +252,7 @@ std::vector<CheckResult> check_limits() {
   const double receive = number_in("/proc/sys/net/core/rmem_max", 0);
   const std::string buffer = "net.core.rmem_max " + std::to_string(static_cast<long>(receive));
   if (receive == 0)
-    results.push_back(ok("receive buffers", "net.core.rmem_max is not told here; enough for one host"));
+    results.push_back(ok("receive buffers", "net.core.rmem_max is not readable here; enough for one host"));
   else if (receive >= kReceiveBytes)
     results.push_back(ok("receive buffers", buffer));
   else

@@ -27,7 +27,7 @@ struct TestTime {
 };
 std::optional<TestTime> test_time(std::string_view line);
 
-/// The words that allow a skip: what stands in backquotes in the last column of the table of tests/SKIPPED.md.
+/// The words that allow a skip: what is in backquotes in the last column of the table of tests/SKIPPED.md.
 std::vector<std::string> allowed_words(std::string_view page);
 
 /// Whether `reason` contains one of `words`.

@@ -1,5 +1,5 @@
 // What a careless or hostile neighbour does to a run: damaged files, limits, signals, terminals that stand still,
-// strangers on the bus. Nothing may be lost without a word, and nobody may be let in.
+// unknown peers on the bus. Nothing may be lost without a message, and no unknown peer may join.
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -158,7 +158,7 @@ TEST_F(VictimRun, ALearnerThatIsToldToStopHasNotFinishedTheRun) {
 
 TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
   begin();
-  // The worst case: a stranger that has guessed the run id, which only members of the arena can read.
+  // The worst case: an unknown peer that has guessed the run id, which only members of the arena can read.
   const auto learner = processes_of(run_, "comrad-learner");
   ASSERT_EQ(learner.size(), 1u);
   std::string words = read_text("/proc/" + std::to_string(learner[0]) + "/cmdline");
@@ -191,7 +191,7 @@ TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
     for (int i = 0; i < 20; ++i) ASSERT_TRUE(bus->write(episode));
     sleep_s(0.1);
   }
-  EXPECT_TRUE(trains_on(2048)) << "the stranger stopped or paused the run";
+  EXPECT_TRUE(trains_on(2048)) << "the unknown peer stopped or paused the run";
   const nlohmann::json status = read_json(run_ + "/status.json");
   EXPECT_LT(status["env_frames"].get<double>(), 1e9);
   if (!status["J_mean"].is_null()) {
@@ -212,7 +212,7 @@ TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
 TEST(Attack, ATerminalThatStandsStillNeverStopsARun) {
   const ScratchFolder scratch;
   int ends[2];
-  ASSERT_EQ(pipe(ends), 0);  // nobody ever reads it
+  ASSERT_EQ(pipe(ends), 0);  // never read
   ASSERT_GE(fcntl(ends[1], F_SETPIPE_SZ, 4096), 0);
   fcntl(ends[0], F_SETFD, FD_CLOEXEC);
   RunningProgram training(

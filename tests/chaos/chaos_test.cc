@@ -1,5 +1,5 @@
 // A run whose processes are killed and stopped at random, whose disk is full, read-only or slow, whose clock jumps and whose
-// memory is too small. Training goes on where it can, and every decision is accounted for. Longer:
+// memory is too small. Training continues where it can, and every decision is accounted for. Longer:
 //   ./comrad test -L long -R chaos_long
 // COMRAD_CHAOS_SEED=n repeats the choices of a run that failed (their moments are the machine's).
 
@@ -146,7 +146,7 @@ TEST_F(Chaos, RandomKillsAndStopsLoseNothingUntold) {
 
   Victims victims({{run_, "comrad-sim-worker", "sim", 4},
                    {run_, "comrad-policy-worker", "policy", 2},
-                   // One that is told to stop ends the run; the others start again.
+                   // One that receives a stop signal ends the run; the others start again.
                    {run_, "comrad-learner", "learner", 2, /*may_be_terminated=*/false}},
                   rng);
   double progress_s = now_s(), frames = env_frames(run_);
@@ -158,7 +158,7 @@ TEST_F(Chaos, RandomKillsAndStopsLoseNothingUntold) {
   }
   victims.let_go_on();
 
-  // Everybody is there again, nobody holds more than before, and learning goes on.
+  // All workers are back, none holds more than before, and learning continues.
   ASSERT_TRUE(wait_until([&] {
     return processes_of(run_, "comrad-sim-worker").size() == 2 &&
            processes_of(run_, "comrad-policy-worker").size() == 1 &&
@@ -248,7 +248,7 @@ TEST_F(ChaosLong, ALearnerKilledAtAnyMomentLeavesWholeCheckpointsAndLosesNoMoreT
   EXPECT_TRUE(files(run_ + "/checkpoint", ".tmp-").empty()) << "half-written files";
 }
 
-/// A folder that is a small disk of its own while this lives.
+/// A folder that is its own small disk while this lives.
 class SmallDisk {
  public:
   SmallDisk(std::string folder, const std::string& size) : folder_(std::move(folder)) {
@@ -288,7 +288,7 @@ TEST_F(Chaos, AFullOrReadOnlyDiskCostsCheckpointsAndNotTheRun) {
   const std::vector<std::string> good = checkpoints();
   const Ending full = checkpoint_fails();
   EXPECT_EQ(full.exit_code, 1) << full.out;
-  EXPECT_THAT(full.err, HasSubstr("could not be written, training goes on"));
+  EXPECT_THAT(full.err, HasSubstr("could not be written, training continues"));
   ASSERT_TRUE(trains_on(4096)) << "training stopped on a full disk";
   EXPECT_EQ(checkpoints(), good);
   expect_whole_checkpoints();

@@ -1,7 +1,7 @@
 // Preloaded into every process of a run (LD_PRELOAD), this plays a machine with faults:
 //
 //   COMRAD_FAULT_DISK_MS=n   a slow disk: fsync() and fdatasync() take n ms longer
-//   COMRAD_FAULT_CLOCK_S=n   somebody sets the clock: the time of day jumps n seconds ahead and back, every second
+//   COMRAD_FAULT_CLOCK_S=n   the clock is set: the time of day jumps n seconds ahead and back, every second
 //
 // It needs neither FUSE nor the device mapper, which containers seldom permit.
 #include <dlfcn.h>

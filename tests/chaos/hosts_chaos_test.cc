@@ -1,5 +1,5 @@
 // Two hosts that train one run, while processes of both are killed and stopped at random and the network between them is cut.
-// Every decision of both hosts is accounted for, and what one says it delivered the other says it got. Longer:
+// Every decision of both hosts is accounted for, and what one reports as delivered the other reports as received. Longer:
 //   ./comrad test -L long -R hosts_chaos_long
 
 #include <gmock/gmock.h>
@@ -43,7 +43,7 @@ TEST(HostsChaos, KillsStopsAndCutsOnTwoHostsLoseNothingUntold) {
 
   Victims victims({{playing, "comrad-sim-worker", "playing sim", 3},
                    {playing, "comrad-policy-worker", "playing policy", 1},
-                   // One that is told to stop ends its run; the others start again.
+                   // One that receives a stop signal ends its run; the others start again.
                    {playing, "comrad-feeder", "feeder", 3, /*may_be_terminated=*/false},
                    {learning, "comrad-sim-worker", "learning sim", 1},
                    {learning, "comrad-receiver", "receiver", 3, /*may_be_terminated=*/false},

@@ -92,7 +92,7 @@ class Victims {
   Rng& rng_;
   int weights_ = 0;
   std::map<std::string, std::deque<double>> deaths_;
-  std::vector<std::pair<double, pid_t>> stopped_;  // when each goes on
+  std::vector<std::pair<double, pid_t>> stopped_;  // when each continues
 };
 
 }  // namespace comrad::test

@@ -1,5 +1,5 @@
 // What a peer of the link between hosts may send besides trajectories and weights: batches of frames and of actions, episodes,
-// questions at the door and the offer that comes from it. The first byte says which.
+// questions at the join endpoint and its offer. The first byte selects which.
 #include <cmath>
 #include <string>
 #include <vector>
@@ -17,7 +17,7 @@ using namespace comrad::fuzz;
 
 constexpr uint32_t kEnvs = 4;
 
-/// Requests whose numbers come from the input, cut off where it says so.
+/// Requests whose numbers come from the input, cut off where the input selects it.
 void feed_frames(Input& input, const SlabOffsets& offsets, std::vector<std::byte>& memory) {
   const SlabView slab(offsets, memory.data());
   std::vector<std::byte> batch;
@@ -37,7 +37,7 @@ void feed_frames(Input& input, const SlabOffsets& offsets, std::vector<std::byte
   }
   const std::span<const std::byte> tail = input.bytes(input.number<uint8_t>());
   batch.insert(batch.end(), tail.begin(), tail.end());
-  // A block of its own size: one byte beyond it and the address sanitizer speaks.
+  // Its own block size: one byte beyond it and the address sanitizer speaks.
   const std::vector<std::byte> sent(
       batch.begin(), batch.end() - std::min<std::ptrdiff_t>(input.number<uint8_t>(), std::ssize(batch)));
   link::FrameUnpacker frames(offsets, kEnvs, sent);

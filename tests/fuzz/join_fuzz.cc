@@ -1,5 +1,5 @@
-// What comes to the sockets of a run: bytes of a process that wants to join, bytes of a run that a worker joins, the arena
-// that such a run hands over, and what is asked at the door and at the page of numbers. The first byte says which.
+// What comes to the sockets of a run: bytes of a process that is about to join, bytes of a run that a worker joins, the arena
+// that such a run hands over, and requests at the control socket and the metrics page. The first byte selects which.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
@@ -52,7 +52,7 @@ shm::ArenaShape small_shape() {
   return shape;
 }
 
-/// A stranger's datagram. A right one is answered with the arena, whatever else is refused.
+/// An unknown process's datagram. A right one is answered with the arena, whatever else is refused.
 void join_with(std::string_view bytes) {
   static const shm::Arena arena = *shm::Arena::create(small_shape(), 7);
   static shm::ArenaServer server = std::move(shm::ArenaServer::listen(socket_name("server"), arena)).value();

@@ -77,7 +77,7 @@ void feed_weights(Input& input) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, std::size_t size) {
   static const SlabOffsets kOffsets(small_shape());
-  // A block of its own size: one byte beyond it and the address sanitizer speaks.
+  // Its own block size: one byte beyond it and the address sanitizer speaks.
   static std::vector<std::byte> memory(static_cast<std::size_t>(kOffsets.slab_bytes));
   if (size == 0 || size > 1 << 15) return 0;
   Input input(data, size);

@@ -1,5 +1,5 @@
 // The script machine from inside: the input chooses instructions rather than bytes, so that most programs run
-// on. Half way a snapshot is taken; it must go on exactly as the world does.
+// on. Half way a snapshot is taken; it must continue exactly as the world does.
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/acs/machine.h"
 #include "tests/fuzz/play.h"
@@ -58,7 +58,7 @@ void write_code(BehaviorBuilder& code, Input& input, int length) {
       const auto number =
           (static_cast<uint32_t>(input.byte()) << 1 | (choice & 1)) % comrad::bytecode::kPCodeCount;
       const auto which = static_cast<PCode>(number);
-      // What ends everything at once says little, and a table of cases is behavior_fuzz's.
+      // What ends everything at once tests little, and a table of cases is behavior_fuzz's.
       if (which == PCode::kTerminate || which == PCode::kRestart || which == PCode::kCaseGotoSorted) continue;
       const std::string_view operands = comrad::bytecode::kPCodes[number].operands;
       const uint32_t pops = comrad::bytecode::kPCodes[number].pops;

@@ -26,7 +26,7 @@ inline const std::shared_ptr<const doom::ActorCatalog>& catalog() {
   return kCatalog;
 }
 
-/// Everybody runs, turns, shoots and uses; `salt` says when.
+/// Each player runs, turns, shoots and uses; `salt` decides when.
 inline std::array<doom::Buttons, 2> pressed(int tic, uint32_t salt) {
   std::array<doom::Buttons, 2> buttons;
   const uint32_t bits = (salt >> (tic % 24)) ^ static_cast<uint32_t>(tic);

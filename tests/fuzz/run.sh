@@ -42,7 +42,7 @@ corpus="${build}/corpus/${target}"
 log="${build}/${target}.log"
 mkdir -p "${corpus}"
 export UBSAN_OPTIONS="print_stacktrace=1:halt_on_error=1" SPDLOG_LEVEL=off
-# A failed check or an exception would end libFuzzer with 77, which says "skipped" here: error_exitcode makes a failure of it.
+# A failed check or an exception would end libFuzzer with 77, which means "skipped" here: error_exitcode makes a failure of it.
 if "${build}/bin/fuzz_${target}" "${corpus}" "${build}/seeds/${target}" -max_total_time="${seconds}" -timeout=20 \
   -rss_limit_mb=3072 -print_final_stats=1 -print_funcs=0 -close_fd_mask=1 -error_exitcode=1 \
   -artifact_prefix="${build}/findings/${target}-" >"${log}" 2>&1; then

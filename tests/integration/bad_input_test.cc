@@ -95,7 +95,7 @@ TEST(BadInput, ATruncatedWadIsNamedBeforeAnythingStarts) {
   EXPECT_FALSE(fs::exists(scratch / "refused"));
 }
 
-/// A scenario of somebody's own in `folder`: its map is my.wad.
+/// A user's scenario in `folder`: its map is my.wad.
 void write_own_scenario(const ScratchFolder& folder, const std::string& wad) {
   folder.write("my_scenario/scenario.toml",
                "name = \"my_scenario\"\ntitle = \"Mine\"\nsummary = \"Mine.\"\ndifficulty = 1\n"
@@ -104,7 +104,7 @@ void write_own_scenario(const ScratchFolder& folder, const std::string& wad) {
   folder.write("my_scenario/my.wad", wad);
 }
 
-/// What each command that plays a map of its own making says of the scenario in `folder`.
+/// What each command that plays its own map making prints for the scenario in `folder`.
 std::vector<std::string> complaints(const ScratchFolder& folder) {
   const std::string own = folder / "my_scenario";
   std::vector<std::string> said;

@@ -36,7 +36,7 @@ int open_device(const char* name) {
   setsockopt(device, SOL_SOCKET, SO_SNDBUFFORCE, &bytes, sizeof bytes);
   const int ignores_own = 1;
   setsockopt(device, SOL_PACKET, PACKET_IGNORE_OUTGOING, &ignores_own, sizeof ignores_own);
-  // Frames keep the kernel's header before them, which says of a checksum that it is still to be made.
+  // Frames keep the kernel's header before them, which marks a checksum as still to be computed.
   const int keeps_header = 1;
   setsockopt(device, SOL_PACKET, PACKET_VNET_HDR, &keeps_header, sizeof keeps_header);
   return bind(device, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 ? device : -1;
@@ -61,7 +61,7 @@ int main(int argc, char** argv) {
   const auto happens = [&rng](float share) {
     return static_cast<float>(rng.below(1 << 20)) < share * (1 << 20);
   };
-  std::multimap<double, Held> held;  // by the time at which they go on
+  std::multimap<double, Held> held;  // by the time at which they continue
   std::vector<char> buffer(kFrameBytesMax);
   for (;;) {
     pollfd sources[2] = {{.fd = devices[0], .events = POLLIN, .revents = 0},

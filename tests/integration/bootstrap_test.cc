@@ -35,7 +35,7 @@ class SmallProject : public ::testing::Test {
     write("CMakeLists.txt",
           "cmake_minimum_required(VERSION 3.25)\nproject(small C)\n"
           "set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)\n"
-          "file(WRITE ${CMAKE_BINARY_DIR}/torch.told \"${COMRAD_TORCH}\")\n"
+          "file(WRITE ${CMAKE_BINARY_DIR}/torch.argument \"${COMRAD_TORCH}\")\n"
           "add_custom_target(programs)\n"
           "foreach(name comrad comrad-newest)\n"
           "  add_executable(${name} deploy/main.c)\n  add_dependencies(programs ${name})\nendforeach()\n"
@@ -99,7 +99,7 @@ TEST_F(SmallProject, ContinuousIntegrationSharesTheBuildAndAllowsNoWarning) {
   ASSERT_EQ(run({"version"}).exit_code, 0);
   EXPECT_EQ(run({"version"}, ci).err, "") << "the same objects";
   write("deploy/main.c", "#warning something is odd\nint main(void) { return 0; }\n");
-  EXPECT_EQ(run({"version"}).exit_code, 0) << "a user may go on";
+  EXPECT_EQ(run({"version"}).exit_code, 0) << "a user may continue";
   for (int attempt = 0; attempt < 2; ++attempt) {
     const Ending refused = run({"version"}, ci);
     EXPECT_EQ(refused.exit_code, 1);
@@ -183,7 +183,7 @@ TEST_F(SmallProject, NamesMissingPackagesAndInstallsNoneWhenTold) {
 /// How apt-get is asked: another program may hold its lock for a while on a machine that has just started.
 const std::string kInstall = "install -q -y -o DPkg::Lock::Timeout=300 --no-install-recommends ";
 
-/// apt-get, dpkg-query and python3 that write down what they are asked for.
+/// apt-get, dpkg-query and python3 that record their arguments.
 class SmallProjectWithTools : public SmallProject {
  protected:
   void SetUp() override {
@@ -217,7 +217,7 @@ class SmallProjectWithTools : public SmallProject {
                  {"PATH", (home_ / "bin:").string() + std::getenv("PATH")}});
     return run(arguments, more);
   }
-  /// What a tool was asked for since this was last called.
+  /// The tool's arguments since the last call.
   std::string take_asked_for(const std::string& what) {
     const std::string text = fs::exists(asked_for(what)) ? read_text(asked_for(what)) : "";
     fs::remove(asked_for(what));
@@ -292,11 +292,11 @@ TEST_F(SmallProjectWithTools, ConfiguresAgainOnceThePythonOfTheTestsIsThere) {
   write("deploy/requirements_test.txt", "numpy==1\n");
   write("CMakeLists.txt",
         read_text(home_ / "CMakeLists.txt") +
-            "file(APPEND ${CMAKE_BINARY_DIR}/python.told \"[$ENV{COMRAD_TEST_PYTHON}]\")\n");
+            "file(APPEND ${CMAKE_BINARY_DIR}/python.argument \"[$ENV{COMRAD_TEST_PYTHON}]\")\n");
   ASSERT_EQ(run_with_tools({"test", "-N"}).exit_code, 0);  // builds, and installs nothing
-  EXPECT_EQ(read_text(home_ / "build/python.told"), "[]");
+  EXPECT_EQ(read_text(home_ / "build/python.argument"), "[]");
   ASSERT_EQ(run_with_tools({"test"}).exit_code, 0);
-  EXPECT_EQ(read_text(home_ / "build/python.told"), "[][" + test_python_ + "]");
+  EXPECT_EQ(read_text(home_ / "build/python.argument"), "[][" + test_python_ + "]");
 }
 
 TEST_F(SmallProjectWithTools, InstallsWhatASearchNeedsForASweepThatSearches) {
@@ -340,7 +340,7 @@ TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
   EXPECT_EQ(take_asked_for("apt"), "") << "help installs nothing";
   write("full", "no network");
   const Ending without = run_with_tools({"plot", "RUN"});
-  EXPECT_EQ(without.exit_code, 0) << "the program says what it misses: " << without.err;
+  EXPECT_EQ(without.exit_code, 0) << "the program names what it misses: " << without.err;
   EXPECT_THAT(without.err, HasSubstr("apt-get install --no-install-recommends clang"));
   fs::remove(home_ / "full");
   take_asked_for("apt");
@@ -349,7 +349,7 @@ TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
   EXPECT_EQ(run_with_tools({"plot", "RUN"}).err, "");
   EXPECT_EQ(take_asked_for("apt"), "") << "once";
   EXPECT_EQ(run_with_tools({"train"}).err, "");
-  EXPECT_EQ(take_asked_for("apt"), "") << "nobody else needs it";
+  EXPECT_EQ(take_asked_for("apt"), "") << "nothing else needs it";
   run_with_tools({"test"});
   EXPECT_THAT(take_asked_for("apt"), HasSubstr(kInstall + "clang\n"));
 }
@@ -397,8 +397,8 @@ class SmallProjectWithDriver : public SmallProjectWithTools {
     write("driver", "NVRM version: NVIDIA UNIX Open Kernel Module for x86_64  " + version +
                         "  Release Build  (root@host)\nGCC version:  gcc 12.2.0\n");
   }
-  /// What CMake was told last: a folder with a PyTorch; empty: Debian's.
-  std::string told_cmake() const { return read_text(home_ / "build/torch.told"); }
+  /// CMake's last argument: a folder with a PyTorch; empty: Debian's.
+  std::string told_cmake() const { return read_text(home_ / "build/torch.argument"); }
   const std::string folder_ = home_ / "build/torch";
 };
 
@@ -435,7 +435,7 @@ TEST_F(SmallProjectWithDriver, ChoosesByDriverAndByCOMRAD_TORCH) {
   EXPECT_EQ(told_cmake(), folder_);
   driver("470.256.02");
   EXPECT_THAT(chosen("auto"),
-              AllOf(HasSubstr("torch==8.0 wants an NVIDIA driver of version 525, this one has 470.256.02"),
+              AllOf(HasSubstr("torch==8.0 requires an NVIDIA driver of version 525, this one has 470.256.02"),
                     HasSubstr("COMRAD_TORCH=FOLDER")));
   EXPECT_EQ(told_cmake(), "");
   driver("580.65.06");
@@ -444,7 +444,7 @@ TEST_F(SmallProjectWithDriver, ChoosesByDriverAndByCOMRAD_TORCH) {
   EXPECT_THAT(take_asked_for("apt"), HasSubstr("libtorch-dev"));
   fs::remove(home_ / "driver");
   EXPECT_THAT(chosen("pip"), HasSubstr("torch==9.1 with CUDA 13.0"))
-      << "asked for by name it needs no driver";
+      << "requested by name it needs no driver";
   EXPECT_EQ(told_cmake(), folder_);
   EXPECT_THAT(chosen("auto"), HasSubstr("building programs"));
   EXPECT_EQ(told_cmake(), "") << "no driver";

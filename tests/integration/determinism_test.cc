@@ -76,7 +76,7 @@ bool differ(const std::string& run_a, const std::string& run_b) {
   return false;
 }
 
-/// An undisturbed run that several tests compare with; the first that asks for it makes it.
+/// An undisturbed run that several tests compare with; the first that requests it makes it.
 std::string undisturbed(double env_steps) {
   static const ScratchFolder scratch;
   const std::string experiment = "undisturbed_" + std::to_string(static_cast<int>(env_steps));

@@ -134,11 +134,11 @@ TEST(Evaluation, SeveralPoliciesMeetTheSameEpisodes) {
   EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 1 + 3 * 3);
   EXPECT_THAT(rows, HasSubstr("\nnoop,coop_health_gathering,2,"));
 
-  // How many workers and environments share the episodes decides nothing, and neither does who else plays.
+  // How many workers and environments share the episodes decides nothing, and neither do the other players.
   const auto alone = answer_of({"--policy", "random", "--episodes", "3", "--num_workers", "1",
                                 "--layout_seed", "7", "--episodes_file", lines});
   EXPECT_EQ(alone["each"], all["policies"][0]["each"]);
-  EXPECT_TRUE(alone["J_normalised"].is_null()) << "nobody measured this map";
+  EXPECT_TRUE(alone["J_normalised"].is_null()) << "this map was not measured";
   const auto episodes = read_json_lines(lines);
   ASSERT_THAT(episodes, SizeIs(3));
   EXPECT_EQ(episodes[1]["J"], alone["each"][1]["J"]);
@@ -371,7 +371,7 @@ TEST(EvaluationWhileTraining, NothingIsLeftWhenTheRunIsKilled) {
   EXPECT_FALSE(ending.timed_out);
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }));
-  EXPECT_THAT(files(run + "/checkpoint", "evaluate_"), Not(IsEmpty())) << "the next start goes on with it";
+  EXPECT_THAT(files(run + "/checkpoint", "evaluate_"), Not(IsEmpty())) << "the next start continues with it";
 }
 
 }  // namespace evaluation_test

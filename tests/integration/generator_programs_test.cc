@@ -71,7 +71,7 @@ TEST(Doomgen, SaysHowManyMapsARecipeCanMake) {
   const Ending few = comrad(
       {"doomgen", "lava_maze", "--pool", "train", "--count", "9", "--variety", "0", "-o", scratch / "few"});
   EXPECT_EQ(few.exit_code, kExitBadInput);
-  EXPECT_THAT(few.err, AllOf(HasSubstr("9 layouts for training were asked for"), HasSubstr("distinct ones"),
+  EXPECT_THAT(few.err, AllOf(HasSubstr("9 layouts for training were requested"), HasSubstr("distinct ones"),
                              HasSubstr("--count")));
   EXPECT_TRUE(fs::is_empty(scratch / "few")) << "a folder of WADs would be a pool";
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# deploy/gpu/check.sh as far as a CPU goes: what fails is told and the other parts go on; bad input is refused. With the word
+# deploy/gpu/check.sh as far as a CPU goes: what fails is reported and the other parts continue; bad input is refused. With the word
 # `real`, instead: a dry run with the programs of a build makes both files, with every algorithm compared and every bench's
 # settings read.
 #
@@ -19,7 +19,7 @@ refused() {
   "${check}" "$@" >"${scratch}/refused" 2>&1 || code=$?
   [[ "${code}" == 2 ]] || fail "$* ended with ${code}: $(<"${scratch}/refused")"
 }
-# look FILE EXPRESSION: what Python says of the object `r` in a file.
+# look FILE EXPRESSION: what Python prints for the object `r` in a file.
 look() {
   python3 -c 'import json, sys; r = json.load(open(sys.argv[1])); assert eval(sys.argv[2]), sys.argv[2]' "$@" || fail "$1: $(<"$1")"
 }

@@ -37,7 +37,7 @@ std::size_t guests_with_deliveries(const std::string& run) {
   return count;
 }
 
-/// Of its own: pages of the arena become resident as slabs are first used.
+/// Its own memory: pages of the arena become resident as slabs are first used.
 double private_mb(const std::string& folder, const std::string& name) {
   double sum = 0;
   for (const pid_t pid : processes_of(folder, name)) {
@@ -58,7 +58,7 @@ nlohmann::json last_report(const std::string& run) {
   return report.is_object() ? report : nlohmann::json::object();
 }
 
-/// A run that serves and hosts that play for it, on hosts that `on` knows.
+/// A run that serves and hosts that play for it, on hosts in `on`.
 class HostRuns : public ::testing::Test {
  protected:
   using On = std::function<Words(int host, const Words& command)>;
@@ -324,7 +324,7 @@ TEST_F(HostRuns, SshCallsAHostAndEveryReasonWhyNotIsTold) {
 
   RunningProgram learner(network.on(0, small_training(scratch_, "learning", 1e9,
                                                       {"--num_workers", "1", "--hosts",
-                                                       network.address(1) + ",nobody@" + network.address(1),
+                                                       network.address(1) + ",no-user@" + network.address(1),
                                                        "--insecure_network"})),
                          environment);
   const std::string log = scratch_ / "learning/logs/supervisor.log";

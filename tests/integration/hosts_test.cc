@@ -35,7 +35,7 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndEveryDecisionIsAccountedFor) {
   const auto join_command = [&](const std::vector<std::string>& more) {
     std::vector<std::string> command = {program("comrad"), "join", address.substr(0, address.find('\n'))};
     command.insert(command.end(), more.begin(), more.end());
-    // A host has a name of its own.
+    // Each host has its own name.
     command.insert(command.begin(), {"/usr/bin/unshare", "--uts", "/bin/sh", "-c",
                                      "echo player > /proc/sys/kernel/hostname; exec \"$@\"", "sh"});
     return network.on(1, command);
@@ -69,7 +69,7 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndEveryDecisionIsAccountedFor) {
   player->wait();
   ASSERT_TRUE(wait_until([&] { return processes_of(playing).empty(); }));
   player = std::make_unique<RunningProgram>(joining);
-  // What the dead one sent last may still be counted, so the one that came back must be in the list with something of its own.
+  // What the dead one sent last may still be counted, so the one that came back must be in the list with its own decisions.
   const auto both_delivered = [&] {
     nlohmann::json status = read_json(learning + "/status.json");
     const nlohmann::json& hosts = status["hosts"];
@@ -78,15 +78,15 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndEveryDecisionIsAccountedFor) {
   ASSERT_TRUE(wait_until([&] { return both_delivered() || !player->running(); }));
   ASSERT_TRUE(player->running()) << player->wait().err;
 
-  // It is asked to leave, and leaves in peace; the run goes on and ends in peace too.
+  // It is asked to leave, and leaves in peace; the run continues and ends in peace too.
   const auto ctl = [&](const std::vector<std::string>& words) {
     std::vector<std::string> command = {program("comrad"), "ctl", learning};
     command.insert(command.end(), words.begin(), words.end());
     return RunningProgram(network.on(0, command)).wait();
   };
-  // The supervisor looks at its guests once a second.
+  // The supervisor looks at its peers once a second.
   EXPECT_TRUE(wait_until([&] { return ctl({"status"}).out.find("player") != std::string::npos; }));
-  EXPECT_THAT(ctl({"drain", "nobody"}).err, HasSubstr("nobody"));
+  EXPECT_THAT(ctl({"drain", "unknown"}).err, HasSubstr("unknown"));
   const Ending drained = ctl({"drain", "player"});
   EXPECT_EQ(drained.exit_code, 0) << drained.err;
   const Ending left = player->wait();

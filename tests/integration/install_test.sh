@@ -63,7 +63,7 @@ SWEEP
 installed sweep "${scratch}/study.toml" >"${scratch}/sweep.log" 2>&1 || fail "sweep: $(tail -n 20 "${scratch}/sweep.log")"
 grep -q '"commit": *""' "${scratch}/runs/study/sweep.json" || fail "of which commit is it? $(<"${scratch}/runs/study/sweep.json")"
 
-# Doctor asks for nothing that only a build or the tests need, and names no ./comrad. This dpkg knows no package.
+# Doctor requests nothing that only a build or the tests need, and names no ./comrad. This dpkg lists no package.
 mkdir "${scratch}/bin"
 printf '#!/bin/sh\n' >"${scratch}/bin/dpkg-query"
 chmod +x "${scratch}/bin/dpkg-query"

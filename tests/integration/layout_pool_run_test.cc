@@ -66,7 +66,7 @@ learn::StateDict last_checkpoint(const std::string& run) {
   return state ? *state : learn::StateDict();
 }
 
-/// Compares what training made and what the curriculum knows; returns how many values were compared.
+/// Compares what training made and what the curriculum recorded; returns how many values were compared.
 size_t expect_same_run(const std::string& run_a, const std::string& run_b) {
   const learn::StateDict a = last_checkpoint(run_a), b = last_checkpoint(run_b);
   size_t compared = 0;
@@ -112,10 +112,10 @@ TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
   const nlohmann::json after = curriculum_state(scratch / "run");
   EXPECT_EQ(after["tasks"], before["tasks"]);
   EXPECT_GT(episodes(after), episodes(before));
-  EXPECT_GT(after["counter"], before["counter"]) << "the draws go on where they stopped";
+  EXPECT_GT(after["counter"], before["counter"]) << "the draws continue where they stopped";
   for (std::size_t task = 0; task < 3; ++task) EXPECT_GE(after["counts"][task], before["counts"][task]);
 
-  // A run goes on with its pool or not at all.
+  // A run continues with its pool or not at all.
   const auto refused = [&](const std::vector<std::string>& command) {
     const Ending ending = RunningProgram(command).wait();
     EXPECT_EQ(ending.exit_code, kExitBadInput) << ending.err;

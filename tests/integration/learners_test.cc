@@ -89,7 +89,7 @@ TEST(Learners, TrainToTheEndAndEveryDecisionOfBothIsCounted) {
   EXPECT_EQ(account["trained"].get<int64_t>() % 256, 0) << "whole batches of both";
   EXPECT_THAT(read_text(run + "/logs/learner-1.log"), HasSubstr("learner 1 of 2 trains on cpu"));
   EXPECT_THAT(read_text(run + "/logs/learner-1.log"), HasSubstr("stopped"));
-  // One goes on from what two saved.
+  // One continues from what two saved.
   const double frames = env_frames(run);
   const Ending alone = RunningProgram(two_learners(scratch, frames + 4096, {"--learners", "1"})).wait();
   ASSERT_EQ(alone.exit_code, 0) << alone.err;

@@ -1,4 +1,4 @@
-// A run that trains, looked at and told what to do while it goes on: comrad ctl, comrad top, the Prometheus page, the logs.
+// A run that trains, watched and controlled while it continues: comrad ctl, comrad top, the Prometheus page, the logs.
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -113,7 +113,7 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
   refused(ctl({run_, "drain", "nowhere"}), "unknown host 'nowhere'");
   refused(ctl({run_, "drain", first["host"].get<std::string>()}), "the learner is on");
   refused(ctl({run_, "puase"}), "did you mean 'pause'");
-  refused(ctl({run_, "pause", "now"}), "one word too many");
+  refused(ctl({run_, "pause", "now"}), "unexpected argument");
   refused(ctl({"rum", "status", "--train_dir", scratch_.string()}), "did you mean 'run'");
   if (geteuid() == 0) {
     chmod(scratch_.string().c_str(), 0755);
@@ -124,7 +124,7 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
     EXPECT_TRUE(training_->running());
   }
 
-  // Paused: nothing is trained on, and a checkpoint can be had; then it goes on.
+  // Paused: nothing is trained on, and a checkpoint can be had; then it continues.
   ASSERT_EQ(ctl({run_, "pause"}).exit_code, 0);
   refused(ctl({run_, "pause"}), "paused already");
   ASSERT_TRUE(wait_until([&] { return read_json(run_ + "/status.json")["state"] == "paused"; }));
@@ -145,7 +145,7 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
   ASSERT_EQ(ctl({run_, "resume"}).exit_code, 0);
   EXPECT_TRUE(wait_until([&] { return status()["decisions"] > still["decisions"]; }));
 
-  // A file where the folder for checkpoints was: the answer says so, and training goes on.
+  // A file where the folder for checkpoints was: the answer is an error, and training continues.
   std::filesystem::rename(run_ + "/checkpoint", run_ + "/gone");
   std::ofstream(run_ + "/checkpoint") << "no folder";
   const Ending unsaved = ctl({run_, "checkpoint"});
@@ -198,7 +198,7 @@ TEST_F(Operation, TopAndThePageShowItAndNoClientDelaysIt) {
                           HasSubstr("worker=\"sim-1\"")));
   EXPECT_THAT(http(port_, "GET /secret HTTP/1.1\r\n\r\n"), HasSubstr("404"));
 
-  // Slow, silent, rude and many at once, beside a run that goes on as before.
+  // Slow, silent, rude and many at once, beside a run that continues as before.
   std::vector<int> clients;
   const std::string flood(100'000, 'x');
   const double before = env_frames(run_);

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The .deb in a Debian of its own: it installs with what it depends on, trains there without a network, with a /dev/shm of 64 MB and
+# The .deb in its own Debian: it installs with what it depends on, trains there without a network, with a /dev/shm of 64 MB and
 # without being root, and its systemd unit resumes a run after a reboot and after a power cut.
 #
 #   package_test.sh BUILD_FOLDER
@@ -73,7 +73,7 @@ fi
 before="$(chroot "${root}" dpkg-query -W -f '${Package}\n' | wc -l)"
 cp "${package}" "${root}/root/comrad.deb"
 cp /etc/resolv.conf "${root}/etc/resolv.conf"
-inside() { # in namespaces of its own; NETWORK is "host" or "none"
+inside() { # in its own namespaces; NETWORK is "host" or "none"
   local network="$1"
   shift
   local options=(--mount --pid --fork --kill-child)
@@ -116,7 +116,7 @@ inside none --userspec=comrad "${root}" env -i comrad eval --policy /var/lib/com
   2>"${scratch}/eval.log" || fail "eval: $(tail -n 20 "${scratch}/eval.log")"
 say "trained and played as the user comrad, without a network, with a /dev/shm of 64 MB"
 
-# The unit, under a systemd of its own. A finished run and one without a goal in sight are enabled; the former must end at once.
+# The unit, under its own systemd. A finished run and one without a goal in sight are enabled; the former must end at once.
 echo "${settings}1e9" >"${root}/etc/comrad/long.toml"
 chroot "${root}" systemctl enable comrad@long comrad@short >/dev/null 2>&1
 run="${root}/var/lib/comrad/long"
@@ -143,7 +143,7 @@ at_shutdown="$(frames)"
 say "shut down after ${at_shutdown} env frames"
 
 boot
-wait_until 120 resumed 1 "${at_shutdown}" || fail "it does not go on after a reboot: $(journal long | tail -n 20)"
+wait_until 120 resumed 1 "${at_shutdown}" || fail "it does not continue after a reboot: $(journal long | tail -n 20)"
 newest() { find "${run}/checkpoint" -name 'checkpoint_*.pt' | sed -E 's/.*_([0-9]+)\.pt/\1/' | sort -n | tail -n 1; }
 saved_beyond() { (($(newest) > $1)); }
 wait_until 120 saved_beyond "${at_shutdown}" || fail "it saves no checkpoint: $(journal long | tail -n 20)"
@@ -152,6 +152,6 @@ saved="$(newest)"
 say "power cut after checkpoint ${saved}"
 
 boot
-wait_until 120 resumed 2 "${saved}" || fail "it does not go on after a power cut: $(journal long | tail -n 20)"
+wait_until 120 resumed 2 "${saved}" || fail "it does not continue after a power cut: $(journal long | tail -n 20)"
 stop_container TERM
-say "went on after both"
+say "continued after both"

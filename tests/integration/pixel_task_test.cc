@@ -58,7 +58,7 @@ std::string make_scenario(const ScratchFolder& scratch) {
   return folder;
 }
 
-/// A run's command; `link` says how simulators reach the policy.
+/// A run's command; `link` selects how simulators reach the policy.
 std::vector<std::string> command(const ScratchFolder& scratch, const std::string& link) {
   std::vector<std::string> words = {program("comrad"), "train"};
   for (const auto& [flag, value] :

@@ -62,7 +62,7 @@ TEST_F(Plot, DrawsRunsGroupsAndEvaluationsAndNamesWhatItLeavesOut) {
   make_run("one", 1, 10,
            R"({"time_s": 50, "env_frames": 5000, "decisions": 1250, "eval/J": 140})"
            "\n");
-  make_run("two", 2, 8, "{\"time_s\": 95, \"env_fra");  // it goes on
+  make_run("two", 2, 8, "{\"time_s\": 95, \"env_fra");  // it continues
   make_run("none", 3, 0);
   const Ending svg =
       plot({"one", "both=one,two", "none", "-o", path("curves.svg"), "--baseline", "random=90"});
@@ -213,20 +213,20 @@ TEST_F(Export, GivesWandbTheSettingsAndTheReportsOfEachRun) {
 import json, os, pathlib
 class Run:
     def __init__(self, **words):
-        self.told = {"init": words, "mode": os.environ["WANDB_MODE"], "define": [], "log": []}
+        self.calls = {"init": words, "mode": os.environ["WANDB_MODE"], "define": [], "log": []}
         self.dir = str(pathlib.Path(words["dir"]) / "wandb" / "offline-run-1" / "files")
-    def define_metric(self, name, step_metric=None): self.told["define"].append([name, step_metric])
-    def log(self, values): self.told["log"].append(values)
+    def define_metric(self, name, step_metric=None): self.calls["define"].append([name, step_metric])
+    def log(self, values): self.calls["log"].append(values)
     def finish(self):
         pathlib.Path(self.dir).mkdir(parents=True)
-        (pathlib.Path(self.dir) / "told.json").write_text(json.dumps(self.told))
+        (pathlib.Path(self.dir) / "calls.json").write_text(json.dumps(self.calls))
 def init(**words): return Run(**words)
 )");
   const Ending done =
       exported({"one", "--wandb", path("w"), "--project", "team"}, {{"PYTHONPATH", path("stand_in")}});
   ASSERT_EQ(done.exit_code, 0) << done.err;
   EXPECT_EQ(done.out, path("w/wandb/offline-run-1") + "\n");
-  const auto told = nlohmann::json::parse(read_text(path("w/wandb/offline-run-1/files/told.json")));
+  const auto told = nlohmann::json::parse(read_text(path("w/wandb/offline-run-1/files/calls.json")));
   EXPECT_EQ(told["mode"], "offline");
   EXPECT_EQ(told["init"]["mode"], "offline");
   EXPECT_EQ(told["init"]["project"], "team");

@@ -24,7 +24,7 @@ struct Ending {
 
 using Environment = std::map<std::string, std::string>;
 
-/// A `comrad` process (or another program by path) in a process group of its own. The destructor kills what
+/// A `comrad` process (or another program by path) in its own process group. The destructor kills what
 /// is left.
 class RunningProgram {
  public:

@@ -72,7 +72,7 @@ TEST(SlurmSweepLong, MakesAnArrayThatIsRequeuedResumedAndReported) {
   EXPECT_EQ(seen["runs"][2]["attempts"], 2);
   EXPECT_THAT(seen["runs"][2]["job"].get<std::string>(), ContainsRegex("^[0-9]+_2$"));
 
-  // The time limit comes near: the run saves, is queued again and goes on from there.
+  // The time limit comes near: the run saves, is queued again and continues from there.
   ASSERT_TRUE(wait_until([&] {
     return (count(events(), "seed800 ends paused") >= 1 && count(events(), "seed800 begins") >= 2) ||
            (cluster.hurry(), false);
@@ -146,7 +146,7 @@ TEST(SlurmScript, ARunNearItsTimeLimitIsQueuedAgainUnderItsName) {
   Cluster cluster;
   if (const std::string why = cluster.start(); !why.empty()) GTEST_SKIP() << "no Slurm here: " << why;
   const ScratchFolder scratch;
-  // `comrad train`: saves when it is told to stop; the second time it reaches its goal. A seed of 600 is bad input.
+  // `comrad train`: saves on a stop signal; the second time it reaches its goal. A seed of 600 is bad input.
   const std::string program = scratch.write(
       "comrad",
       "#!/bin/bash\nevents=" + scratch.string() +

@@ -55,7 +55,7 @@ if [[ -f "${PIP_CERT:-}" ]]; then
 fi
 read -ra wheels <<<"${PIP_FIND_LINKS:-}"
 
-inside() { # in the new root's sources, with processes and mounts of its own
+inside() { # in the new root's sources, with its own processes and mounts
   # shellcheck disable=SC2016
   unshare --mount --pid --fork --kill-child bash -c 'root="$1"; shift
     mount --bind "${root}" "${root}" && # tests change how mounts spread, which only a mount point can

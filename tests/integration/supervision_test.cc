@@ -1,4 +1,4 @@
-// Workers that are killed and runs that are interrupted, with the real programs: training goes on or ends cleanly, and nothing
+// Workers that are killed and runs that are interrupted, with the real programs: training continues or ends cleanly, and nothing
 // is left behind. In how many ways that may come is played without processes (tests/simulation).
 
 #include <gmock/gmock.h>
@@ -19,12 +19,12 @@ bool trains_on(const std::string& run, double frames) {
   return wait_until([&] { return env_frames(run) >= before + frames; });
 }
 
-/// An endless small run that has begun to train. `link` says how simulators reach the policy.
+/// An endless small run that has begun to train. `link` selects how simulators reach the policy.
 class EndlessRun : public ::testing::Test {
  protected:
   explicit EndlessRun(const char* link = "shm")
       : run_(scratch_ / "run"),
-        // A new learner goes on from a checkpoint that is a second old, not from the beginning.
+        // A new learner continues from a checkpoint that is a second old, not from the beginning.
         training_(small_training(scratch_, "run", 1e9, {"--link", link, "--save_every_sec", "1"})) {}
 
   void SetUp() override {
@@ -32,7 +32,7 @@ class EndlessRun : public ::testing::Test {
     ASSERT_TRUE(training_.running()) << training_.wait(1).err;
   }
 
-  /// Kills one worker outright and expects training to go on with a new one in its place.
+  /// Kills one worker outright and expects training to continue with a new one in its place.
   void kill_and_expect_a_successor(const std::string& worker, size_t count) {
     const auto before = processes_of(run_, worker);
     ASSERT_THAT(before, SizeIs(count));
@@ -42,7 +42,7 @@ class EndlessRun : public ::testing::Test {
       return now.size() == count && std::find(now.begin(), now.end(), before[0]) == now.end();
     })) << worker
         << " was not restarted";
-    EXPECT_TRUE(trains_on(run_, 4096)) << "training did not go on after " << worker << " was killed";
+    EXPECT_TRUE(trains_on(run_, 4096)) << "training did not continue after " << worker << " was killed";
     EXPECT_TRUE(training_.running());
   }
 

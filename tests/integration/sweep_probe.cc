@@ -6,12 +6,12 @@
 //                                        a mean of 4 where it is greedy
 //   sweep_probe train --train_dir D --experiment R --seed S --train_for_env_frames N ...
 //
-// The last stands in for `comrad train`: it holds the run directory's lock, counts 100 env frames every 20 ms from where it
-// stopped, says so in status.json and, when SIGTERM comes, saves and leaves. What it lives through goes to D/events.log
+// The last replaces `comrad train`: it holds the run directory's lock, counts 100 env frames every 20 ms from where it
+// stopped, notes it in status.json and, when SIGTERM comes, saves and leaves. What it lives through goes to D/events.log
 // ("<run> begins 300 cpus 0,1", "<run> ends paused 700"). Seeds from 600 misbehave: 6xx fails at once with a message, 7xx is
-// killed by SIGKILL after its first 1000 frames, and 8xx does not end before it was told to save once. The
+// killed by SIGKILL after its first 1000 frames, and 8xx does not end before it was signalled to save once. The
 // evaluation of a run of seed 5.. fails. With --learning_rate it has a score, 1000 times that rate, and each end leaves a
-// checkpoint that it goes on from: its text is the name of every run that went into it.
+// checkpoint that it continues from: its text is the name of every run that went into it.
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>

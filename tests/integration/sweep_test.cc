@@ -51,7 +51,7 @@ std::string state_of(const ScratchFolder& scratch, const std::string& run) {
 TEST(Sweep, MakesEveryRunOnCoresOfItsOwnAndOnlyOnce) {
   const ScratchFolder scratch;
   const std::string file =
-      sweep_file(scratch, "1, 2, 3", "2000", "report = \"ls -d {folder} > report.txt; echo told\"\n");
+      sweep_file(scratch, "1, 2, 3", "2000", "report = \"ls -d {folder} > report.txt; echo reported\"\n");
   const Ending first = start(file);
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_THAT(first.out, HasSubstr("3 of 3 finished"));
@@ -63,7 +63,7 @@ TEST(Sweep, MakesEveryRunOnCoresOfItsOwnAndOnlyOnce) {
       EXPECT_THAT(line, Not(ContainsRegex("cpus [0-9]+,")));
     }
   EXPECT_EQ(read_text(scratch / "study/report.txt"), (scratch / "study").string() + "\n");
-  EXPECT_EQ(read_text(scratch / "study/records/report.log"), "told\n");
+  EXPECT_EQ(read_text(scratch / "study/records/report.log"), "reported\n");
   const nlohmann::json index = read_json(scratch / "study/sweep.json");
   EXPECT_EQ(index["runs"].size(), 3u);
   EXPECT_FALSE(index["starts"][0]["host"].get<std::string>().empty());
@@ -112,7 +112,7 @@ TEST(Sweep, ResultsAreKeptAndAnotherCloneDoesNotMakeThemAgain) {
   EXPECT_THAT(clone.out, HasSubstr("3 of 3 finished"));
   EXPECT_EQ(count(events(scratch), "begins"), 1);
   EXPECT_EQ(count(events(scratch), "seed3 begins"), 1);
-  // A farther goal asks for more than was kept.
+  // A farther goal requests more than was kept.
   const Ending more = start(file("1", "3000"));
   EXPECT_EQ(more.exit_code, 0) << more.err;
   EXPECT_EQ(read_json(scratch / "results/seed1/result.json")["train_for_env_frames"], 3000);
@@ -128,7 +128,7 @@ TEST(Sweep, AFailedRunIsNamedWithItsErrorAndStopsNoOther) {
   EXPECT_THAT(ending.out, HasSubstr("2 of 4 finished, 2 failed"));
   const std::string log = read_text(scratch / "study/records/seed600.log");
   EXPECT_THAT(log, HasSubstr("something before"));
-  // The same command makes the failed ones again; the killed one goes on where it was.
+  // The same command makes the failed ones again; the killed one continues where it was.
   const Ending again = start(file);
   EXPECT_EQ(again.exit_code, 1);
   EXPECT_EQ(state_of(scratch, "seed700"), "finished");
@@ -155,7 +155,7 @@ TEST(Sweep, GoesOnAfterASigkillInTheMiddle) {
   const Ending rest = start(sweep_file(scratch, "1, 2, 3", "6000"));  // within reach now
   EXPECT_EQ(rest.exit_code, 0) << rest.err << rest.out;
   EXPECT_EQ(count(events(scratch), "ends paused"), 2) << events(scratch);
-  EXPECT_EQ(count(events(scratch), "begins 0 "), 3) << events(scratch);  // two went on from where they were
+  EXPECT_EQ(count(events(scratch), "begins 0 "), 3) << events(scratch);  // two continued from where they were
   EXPECT_EQ(count(events(scratch), "meets another"), 0);
   for (const char* run : {"seed1", "seed2", "seed3"}) EXPECT_EQ(state_of(scratch, run), "finished") << run;
 }
@@ -165,7 +165,7 @@ TEST(Sweep, StopSavesAndStatusTellsWhatIsThere) {
   const std::string file = sweep_file(scratch, "1, 2, 3", "100000");
   RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", file});
   ASSERT_TRUE(wait_until([&] { return count(events(scratch), "begins 0") == 2; }));
-  // A run begins before it has told its rate for the first time.
+  // A run begins before its first report of its rate.
   ASSERT_TRUE(wait_until([&] { return fs::exists(scratch / "study/seed1/status.json"); }));
   const Ending status = comrad({"sweep", "status", file, "--json"});
   ASSERT_EQ(status.exit_code, 0) << status.err;
@@ -439,7 +439,7 @@ TEST_F(SweepSearch, MembersOfAPopulationTakeTurnsAndTheWorstCopiesTheBest) {
   }
   EXPECT_EQ(copies, 3) << "the worst of four, after each generation but the last";
   EXPECT_EQ(count(events(), "meets another"), 0);
-  // A farther goal: the population goes on.
+  // A farther goal: the population continues.
   const Ending farther = start(file("pbt", "members = 4\nevery_env_frames = 500\nseed = 1", "2500", 2));
   EXPECT_EQ(farther.exit_code, 0) << farther.err;
   EXPECT_EQ(generations("member_3").size(), 5u);

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The learner and the policy workers with a PyTorch from pip, where there is neither nvcc nor a CUDA toolkit: they build, pass
-# their unit tests, train, and a run goes on where the other libtorch stopped, in both directions.
+# their unit tests, train, and a run continues where the other libtorch stopped, in both directions.
 #
 #   torch_test.sh BUILD_FOLDER      with Debian's libtorch, everything built
 #

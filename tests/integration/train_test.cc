@@ -82,7 +82,7 @@ TEST(Train, ResumesWhereItStopped) {
   const Ending over = train(scratch, "run", 1e6, {"--train_for_seconds", "1"});
   EXPECT_THAT(over.err, ::testing::ContainsRegex(
                             "finished \\(--train_for_seconds 1\\): [0-9.]+k env frames, 0 trained on in "));
-  // A start says what changed since the last one.
+  // A start prints what changed since the last one.
   const std::string changed = "note: changed since the last start: train_for_env_frames 4096.0 -> 8192.0\n";
   EXPECT_THAT(second.err, HasSubstr(changed));
   EXPECT_THAT(read_text(scratch / "run/logs/supervisor.log"), HasSubstr(changed));
@@ -132,7 +132,7 @@ TEST(Train, ARunThatWouldEndBeforeItLearnsIsRefusedUnlessAsked) {
       "--algo", "vdn", "--replay_gb", "0.05", "--learning_starts_decisions", "2000", "--per_omega", "0.9"};
   const Ending refused = RunningProgram(small_training(scratch, "run", 2000, too_short)).wait();
   EXPECT_EQ(refused.exit_code, 2);
-  // A replay of 50 MB holds some 1800 decisions: half of them are there before all that was asked for.
+  // A replay of 50 MB holds some 1800 decisions: half of them are there before all that was requested.
   EXPECT_THAT(refused.err,
               ::testing::ContainsRegex(
                   "learning begins at [0-9]+ env frames \\([0-9]+ agent decisions, half of what the "
@@ -159,7 +159,7 @@ TEST(Train, TakesSettingsAndNoResultsFromTheConfigOfARun) {
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.err, HasSubstr("note: " + (scratch / "old/config.toml").string() + " is a run's"));
   const auto runs = files(scratch.string(), "coop_health_gathering_IPPO_s3_");
-  ASSERT_THAT(runs, SizeIs(1)) << "beside the old run, under a name of its own";
+  ASSERT_THAT(runs, SizeIs(1)) << "beside the old run, under its own name";
   const std::string config = read_text(runs[0] + "/config.toml");
   EXPECT_THAT(config, HasSubstr("gamma = 0.9\n"));
   EXPECT_THAT(config, HasSubstr("num_agents = 3\n"));

@@ -33,7 +33,7 @@ FRAMES = 2e6
 RATE_FRAMES = 3e5  # of a run that measures the rate
 POINTS = 120  # of a curve, in the file of rows
 
-# What both are told. Values that their defaults share are written down too: a default may change.
+# The settings of both. Values that their defaults share are written down too: a default may change.
 SHARED = {
     'env_frameskip': 4, 'num_workers': 2, 'num_envs_per_worker': 8, 'worker_num_splits': 2,
     'rollout': 32, 'recurrence': 32, 'batch_size': 1024, 'num_batches_per_epoch': 1, 'num_epochs': 1,

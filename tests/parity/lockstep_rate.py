@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Decisions per second that ViZDoom makes on one core, with two players in lock step or with one alone: the numbers
-that `comrad bench sim` of the same scenario stands beside. One alone also tells how fast a machine is.
+that `comrad bench sim` of the same scenario stands beside. One alone also measures the machine's speed.
 
     taskset -c 0 lockstep_rate.py --wad FILE [--players 2] [--seconds S] [--frame_skip 4]
 
-Each player is a process of its own, as in every ViZDoom multiplayer game; all press uniform random buttons, hold them
+Each player is its own process, as in every ViZDoom multiplayer game; all press uniform random buttons, hold them
 for a decision and look at their 160x120 picture after it. A decision of one player counts as one. Alone, episodes begin
 anew when they end. Needs a Python with `vizdoom`. Prints one JSON object.
 """

@@ -120,7 +120,7 @@ class Drawer:
                              ("sv_infiniteammo", (1,)), ("sv_forcerespawn", (1,)), ("cl_run", (1,))):
             if self.some(0.06):
                 self.args.append("+%s %d" % (name, r.choice(values)))
-        # From dice of their own, so that the other parts of a seed's game stay what they were.
+        # From separate dice, so that the other parts of a seed's game stay what they were.
         own = random.Random("flags %d" % self.seed)
         for name in GAME_FLAGS:
             if own.random() < 0.03:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Starts Sample Factory 2.1.1 on one ViZDoom .cfg of its own; beside_sample_factory.py starts this with that one's Python.
+"""Starts Sample Factory 2.1.1 on one ViZDoom .cfg; beside_sample_factory.py starts this with that one's Python.
 
     sample_factory_game.py NAME CFG ACTIONS --env=NAME [Sample Factory's flags]
 

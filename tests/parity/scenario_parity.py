@@ -14,14 +14,14 @@ no part in it, and ViZDoom must have it too. Where it has not, it plays the same
 chance and presses lost on the way go away, a difference of the rules stays. `exact`: equal in both engines after every
 decision of every episode. Else its last value in an episode is ranked among those of our worlds that were played with the
 same choices (ties and ends broken by a seeded draw): where both engines are alike the ranks of the K episodes are uniform,
-which a Kolmogorov-Smirnov test asks (p). A scenario fails where an agreed value stays different, where lost presses kept half
+which a Kolmogorov-Smirnov test compares (p). A scenario fails where an agreed value stays different, where lost presses kept half
 of the episodes or more from being judged by agreed values, where a quantity has p below
 1 in 100 000 (there are some 600 of them), where the WAD does not run, or where in the episode without presses a quantity
 differs that left_to_chance.json does not list (--record writes that file) and differs again when ViZDoom plays that episode
 once more: it has the same seed and nobody presses, so what does not come back was the network's.
 Everything random is seeded, so a run that passes passes again.
 
-Needs a Python with `vizdoom`, as vizdoom_parity.py does, and says so in the same way where it cannot be had.
+Needs a Python with `vizdoom`, as vizdoom_parity.py does, and reports it in the same way where it cannot be had.
 """
 import argparse
 import collections

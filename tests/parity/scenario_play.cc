@@ -6,7 +6,7 @@
 // ACTIONS has a line per decision: of each agent the choice of each head, agents one after the other.
 // VARIABLES are names with commas between. An episode begins with IDLE_TICS in which nobody presses anything;
 // a row is noted then and after each decision: seed,decision,agent,tics,finished,VARIABLES. `rewards` reads
-// such rows (a TABLE's finished says that the map ended) and prints seed,agent,return.
+// such rows (a TABLE's finished means that the map ended) and prints seed,agent,return.
 #include <charconv>
 #include <cstdio>
 #include <cstdlib>

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains on ViZDoom's own .cfg files and compares the policies with random play.
 
-For each game and seed: `comrad train` to --env_frames (a run that was interrupted goes on), then 100 greedy episodes against
+For each game and seed: `comrad train` to --env_frames (a run that was interrupted continues), then 100 greedy episodes against
 100 of random play, Welch's test (one-sided; of so many episodes the normal distribution stands for Student's). One line a
 run goes to standard output as a row of a Markdown table and to --rows as JSON; a row that is there is not made again.
 
@@ -19,7 +19,7 @@ import time
 
 
 def comrad(program, *words):
-    """Standard output of a command; what it says on standard error goes through."""
+    """Standard output of a command; what it reports on standard error goes through."""
     return subprocess.run([program, *words], check=True, stdout=subprocess.PIPE, text=True).stdout
 
 

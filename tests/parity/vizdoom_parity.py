@@ -15,7 +15,7 @@ by the two-sample Kolmogorov-Smirnov test, each at 1 in 10 000. Everything rando
 again.
 
 Needs a Python with `vizdoom` and `numpy`: COMRAD_TEST_PYTHON alone where that is set, else the one in --venv, which
-`./comrad test` makes, else the one that runs this. Where none has them the program says so in one line that begins with
+`./comrad test` makes, else the one that runs this. Where none has them the program reports it in one line that begins with
 "[  SKIPPED ] 1" and ends with code 77.
 """
 import argparse
@@ -510,7 +510,7 @@ def run_monsters(vzd, binary, only, report):
 
 
 # Warnings that say what is so on purpose: mirrors are not drawn, buffers are not traced, an IWAD elsewhere, one map of
-# several, linedefs without a back side, the frames that Freedoom of Debian 13 patches (vizdoom has a Freedoom of its own).
+# several, linedefs without a back side, the frames that Freedoom of Debian 13 patches (vizdoom has its own Freedoom).
 EXPLAINED = ("Line_Mirror", "is not served", "is played instead", "say which one with doom_map", "taken as one-sided",
              "freedoom2.wad DEHACKED")
 
@@ -543,7 +543,7 @@ def run_scenarios(vzd, binary, only, report, tics):
             if only and only not in name:
                 continue
             messages, rows, same = set(), 0, True
-            for seed in range(1, 100):  # episodes end; another one goes on
+            for seed in range(1, 100):  # episodes end; another one continues
                 outputs = []
                 for _ in range(2):
                     out = os.path.join(folder, "out.csv")

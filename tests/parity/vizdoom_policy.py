@@ -3,13 +3,13 @@
 return, of a scenario its J where ViZDoom can tell it (not what each player has killed), else the return.
 
 The run was trained on a ViZDoom .cfg with one agent, or on one of the thirteen scenarios with two; of these, ViZDoom plays the
-run's own map as a network game, and `scenario_play rewards` says what the variables of both players pay. Greedy actions, the
+run's own map as a network game, and `scenario_play rewards` prints what the variables of both players pay. Greedy actions, the
 run's frame skip. A run with `--render_size 160x120 --resize nearest` sees what ViZDoom shows at that size, made smaller in the same
 way: 92 % of all pixels are equal. Of a run whose views are drawn at 128x72 directly ViZDoom draws 640x480, of which every view
 takes the nearest pixels; its status bar then differs, which costs a policy of defend_the_center half of its score.
 
 In a network game what the second player presses counts a tic later than what the first does. So that both engines play the same
-game, it does in ours as well (`comrad.parallel_env`, a step for each tic); `comrad eval`, where nothing is late, is told beside it.
+game, it does in ours as well (`comrad.parallel_env`, a step for each tic); `comrad eval`, where nothing is late, is printed beside it.
 
     tests/parity/vizdoom_policy.py train_dir/RUN --episodes 100
 

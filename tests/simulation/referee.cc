@@ -291,7 +291,7 @@ void Referee::judge_phase(const deploy::Supervision& run, const shm::Arena* aren
                                : expected == RunPhase::kPaused   ? shm::RunState::kPaused
                                                                  : shm::RunState::kRunning;
   expect(state == wanted, "run state",
-         "workers are told state " + std::to_string(static_cast<int>(state)) + " and not " +
+         "workers see state " + std::to_string(static_cast<int>(state)) + " and not " +
              std::to_string(static_cast<int>(wanted)));
 }
 

@@ -49,7 +49,7 @@ class Referee {
   Referee(const Setting& setting, const deploy::RestartLimits& limits, const ManualClock& clock,
           SimulatedHost& host);
 
-  // What the user does; before the run is told.
+  // What the user does; before the run is notified.
   void interrupt(bool is_sigint);
   void ask_to_stop();
   void input_ended();

@@ -110,7 +110,7 @@ Expected<Step> parse_step(const std::string& verb, std::istringstream& words, co
     words >> word;
     if (!read_number(word, step.number)) return Error{ErrorCode::kBadFormat, "'" + word + "' is no number"};
   }
-  if (words >> word) return Error{ErrorCode::kBadFormat, "'" + word + "' is one word too many"};
+  if (words >> word) return Error{ErrorCode::kBadFormat, "'" + word + "' is an unexpected argument"};
   return step;
 }
 

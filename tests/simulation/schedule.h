@@ -58,8 +58,8 @@ enum class Verb {
   kEpisode,      ///< a simulator of an evaluation ends the episode of this number
   kExit,         ///< a process ends with this code
   kDie,          ///< a process is killed by this signal
-  kHang,         ///< a process does nothing from now on, whatever it is told
-  kSlow,         ///< a process takes so many seconds to leave after the stop, whatever it is told
+  kHang,         ///< a process does nothing from now on, whatever is requested
+  kSlow,         ///< a process takes so many seconds to leave after the stop, whatever is requested
   kUnstartable,  ///< a worker's program cannot be started from now on
   kPause,        ///< comrad ctl pause, which the run grants
   kResume,

@@ -365,7 +365,7 @@ void SimulatedRun::turn(double seconds) {
                   "a checkpoint was not evaluated");
 }
 
-/// Those that are told to go do so, unless they hang.
+/// Workers with a stop request leave, unless they hang.
 void SimulatedRun::let_bodies_act() {
   const double now_s = clock_.now_s();
   const bool is_stopping = is_run_state(shm::RunState::kStopping);
@@ -385,7 +385,7 @@ void SimulatedRun::let_bodies_act() {
   }
 }
 
-/// A worker that leaves of its own; a learner saves.
+/// A worker that leaves by itself; a learner saves.
 void SimulatedRun::leave(Body& one) {
   if (setting_.is_learner(one.place)) referee_.ledger.saved = referee_.ledger.counter;
   one.end({}, clock_.now_s());
@@ -396,7 +396,7 @@ void SimulatedRun::join(int place) {
   shm::WorkerCounters& counts = counters(place);
   counts.begin_life();
   if (setting_.is_learner(place)) {
-    // It goes on from its checkpoint.
+    // It continues from its checkpoint.
     Ledger& ledger = referee_.ledger;
     ledger.forgotten += ledger.counter - ledger.saved;
     ledger.counter = ledger.saved;

@@ -1,5 +1,5 @@
 // A run without processes, sockets and disk: the supervisor's own decisions (deploy/launch/supervision.h) on a clock that is
-// moved by hand, over an arena in memory, with workers that do what a schedule says.
+// moved by hand, over an arena in memory, with workers that follow a schedule.
 #pragma once
 
 #include <memory>
@@ -28,7 +28,7 @@ enum class Fault {
   kSeesNobodyAtWork,      ///< a learner that still saves looks like one that hangs
 };
 
-/// The arena and what workers are told.
+/// The arena and what workers are sent.
 class SimulatedEffects final : public deploy::RunEffects {
  public:
   SimulatedEffects(const deploy::LaunchPlan& plan, Ledger& ledger, Fault fault)

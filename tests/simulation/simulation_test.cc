@@ -96,7 +96,7 @@ wait 1)");
 TEST_F(Simulation, ALearnerThatLeavesBeforeTheGoalHasNotFinishedTheRun) {
   const Played played = play_text(std::string("run train") + kAllJoin + "leave learner\nwait 1");
   EXPECT_EQ(played.ending.reason, StopReason::kInterrupted);
-  EXPECT_THAT(played.ending.message, HasSubstr("the learner was told to stop"));
+  EXPECT_THAT(played.ending.message, HasSubstr("the learner received SIGTERM"));
 }
 
 TEST_F(Simulation, DeadWorkersStartAgainAndWhatTheyHeldIsAccountedFor) {
@@ -215,7 +215,7 @@ interrupt
 wait 30)";
   const Played saved = play_text(text + "\nwait 40");
   EXPECT_EQ(saved.ending.reason, StopReason::kInterrupted);
-  EXPECT_THAT(saved.ending.message, HasSubstr("go on with --experiment"));
+  EXPECT_THAT(saved.ending.message, HasSubstr("continue with --experiment"));
   EXPECT_EQ(play_text(text + "\nhang learner\nwait 10").ending.reason, StopReason::kNotSaved);
   EXPECT_EQ(play_text(text + "\ninterrupt\nwait 0.3").ending.reason, StopReason::kKilled);
   EXPECT_EQ(
@@ -302,7 +302,7 @@ TEST_F(Simulation, WhatIsNoScheduleIsRefusedWithItsLine) {
   EXPECT_EQ(refusal_of("run train\njoin sim-7"), "line 2: 'sim-7' is no process of this run");
   EXPECT_EQ(refusal_of("run evaluate\njoin learner"), "line 2: 'learner' is no process of this run");
   EXPECT_EQ(refusal_of("run train\nwait long"), "line 2: 'long' is no number");
-  EXPECT_EQ(refusal_of("run train\npause now"), "line 2: 'now' is one word too many");
+  EXPECT_EQ(refusal_of("run train\npause now"), "line 2: 'now' is an unexpected argument");
 }
 
 TEST_F(Simulation, AScheduleReadsBackAsItWasWritten) {

@@ -98,7 +98,7 @@ class BehaviorBuilder {
   }
   uint32_t address() const { return static_cast<uint32_t>(code_.size()); }
 
-  /// An instruction with its operands as the table says; of PushBytes all values, of CaseGotoSorted
+  /// An instruction with its operands as in the table; of PushBytes all values, of CaseGotoSorted
   /// the pairs.
   BehaviorBuilder& op(PCode code, std::vector<int32_t> operands = {}) {
     number(code);
@@ -320,7 +320,7 @@ class BehaviorBuilder {
     lump.insert(lump.end(), magic, magic + 4);
     std::memcpy(lump.data(), "ACS\0", 4);
     set(lump, 4, static_cast<uint32_t>(lump.size()));
-    put(lump, 0, 4), put(lump, 0, 4);  // no scripts, no strings for those who see the old format
+    put(lump, 0, 4), put(lump, 0, 4);  // no scripts, no strings for readers of the old format
     return lump;
   }
   static void add_local_arrays(Bytes& lump, std::string_view tag, int number,

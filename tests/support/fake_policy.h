@@ -26,7 +26,7 @@ inline int32_t fake_action(float value, int head, int32_t head_size) {
                               static_cast<uint64_t>(head_size));
 }
 
-/// Answers every ready slot of one policy worker in a thread of its own, or, in lock step, whole rounds of
+/// Answers every ready slot of one policy worker in its own thread, or, in lock step, whole rounds of
 /// a split.
 class FakePolicy {
  public:

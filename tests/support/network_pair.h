@@ -1,5 +1,5 @@
 // Two hosts in one: network namespaces joined by a veth pair, which a test makes, cuts and removes. Needs root and the
-// `ip` program; can_make() says in words why it is not to be had.
+// `ip` program; can_make() returns why it is unavailable.
 #pragma once
 
 #include <fcntl.h>
@@ -16,7 +16,7 @@ namespace comrad::test {
 
 class NetworkPair {
  public:
-  /// `subnet` tells pairs of one process apart: addresses are 10.77.<subnet>.1 and .2.
+  /// `subnet` distinguishes pairs of one process: addresses are 10.77.<subnet>.1 and .2.
   explicit NetworkPair(int subnet = 1) : subnet_(subnet) {
     const std::string id = std::to_string(getpid()) + "x" + std::to_string(subnet);
     for (int end = 0; end < 2; ++end) {

@@ -1,6 +1,6 @@
 // Games with known answers through the whole pipeline: simulator, policy worker and learner as the programs run
 // them, asynchronously, in threads of one process. A test brings the game and the settings; train_game() plays,
-// trains and says what the episodes scored and what was learned.
+// trains and reports what the episodes scored and what was learned.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -40,7 +40,7 @@ inline EnvShape pipeline_game_shape() {
   return env;
 }
 
-/// A game of two agents who both see one shade of grey.
+/// A game of two agents that both see one shade of grey.
 class PipelineGame : public sim::Environment {
  public:
   PipelineGame() {

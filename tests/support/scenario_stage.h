@@ -92,7 +92,7 @@ inline std::shared_ptr<const DoomGame> generated_game(const std::string& scenari
   return *game;
 }
 
-/// An environment with shortcuts; a decision presses what the test says, for four tics.
+/// An environment with shortcuts; a decision presses what the test sets, for four tics.
 class ScenarioGame {
  public:
   explicit ScenarioGame(std::shared_ptr<const DoomGame> game, uint64_t seed = 1)

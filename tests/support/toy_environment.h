@@ -1,4 +1,4 @@
-// Environments without a game: every byte they show is a hash of who, when and what was done before, so that
+// Environments without a game: every byte they show is a hash of agent, time and actions before, so that
 // a frame of another agent, step, episode or environment, or one rendered at the wrong moment, never passes
 // for the right one.
 #pragma once
@@ -45,7 +45,7 @@ class ToyEnvironment : public sim::Environment {
   }
 
   void set_env_frames(uint64_t env_frames) override { std::atomic_ref(env_frames_).store(env_frames); }
-  /// What it was told last, from any thread.
+  /// The last actions, from any thread.
   uint64_t env_frames() { return std::atomic_ref(env_frames_).load(); }
 
   void reset(uint64_t episode_seed) override {

@@ -12,7 +12,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-/// Two cores, half idle, nobody busy.
+/// Two cores, half idle, no component saturated.
 PipelineNumbers calm() {
   return {.cores = 2,
           .cores_busy = 0.5,
@@ -81,16 +81,16 @@ TEST(Bottleneck, OfIdleCoresIsWhoNeverWaits) {
 
 TEST(Bottleneck, WhereAllWaitItIsTheHandOvers) {
   EXPECT_THAT(bottleneck_text(calm()),
-              AllOf(StartsWith("nobody is busy"), EndsWith("set --num_envs_per_worker 16.")));
+              AllOf(StartsWith("no component is saturated"), EndsWith("set --num_envs_per_worker 16.")));
 }
 
 TEST(Bottleneck, OtherProgramsAreNamedWhereTheyMatter) {
   PipelineNumbers numbers = calm();
   numbers.others_busy = 0.05;
-  EXPECT_THAT(bottleneck_text(numbers), StartsWith("nobody"));
+  EXPECT_THAT(bottleneck_text(numbers), StartsWith("no component"));
   numbers.others_busy = 0.4;
   EXPECT_THAT(bottleneck_text(numbers),
-              StartsWith("Beside other programs, which took 40 % of the cores: nobody"));
+              StartsWith("Beside other programs, which took 40 % of the cores: no component"));
 }
 
 TEST(Bottleneck, NothingMeasuredIsNoStage) {

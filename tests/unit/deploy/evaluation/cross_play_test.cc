@@ -9,7 +9,7 @@ namespace cross_play_test {
 using ::testing::HasSubstr;
 
 TEST(CrossPlay, PairsTheEpisodesOfAllCells) {
-  // Two players who are 4 better with themselves than with each other, in a hard episode and an easy one.
+  // Two players that are 4 better with themselves than with each other, in a hard episode and an easy one.
   const CrossPlay result = cross_play_of({"A", "B"}, {{5, 15}, {2, 12}, {0, 10}, {5, 15}});
   EXPECT_DOUBLE_EQ(result.J[0][1].mean, 7);
   EXPECT_DOUBLE_EQ(result.J[1][0].mean, 5);

@@ -10,7 +10,7 @@
 namespace comrad::deploy {
 namespace summary_test {
 
-/// Two agents, of whom a network plays the second; episodes in turn on two maps.
+/// Two agents, the second played by a network; episodes in turn on two maps.
 EvaluationGame made_game() {
   EvaluationGame game;
   game.merged.config.environment.num_agents = 2;

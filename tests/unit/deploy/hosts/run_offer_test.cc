@@ -36,7 +36,7 @@ class RunOffer : public ::testing::Test {
   }
   ~RunOffer() override { unsetenv("COMRAD_SCENARIO_PATH"); }
 
-  /// As the other host has it after its visit at the door.
+  /// As the other host has it after its visit at the join endpoint.
   void fetch(const std::string& to) {
     const Expected<link::Offer> offer = link::read_offer(run_);
     ASSERT_TRUE(offer) << offer.error().message;
@@ -52,8 +52,8 @@ class RunOffer : public ::testing::Test {
 
 TEST_F(RunOffer, SettingsTravelWithoutWhatConcernsTheServingHostAlone) {
   ASSERT_TRUE(make_offer(run_, config_, iwad_));
-  fetch("guest");
-  const Expected<RunConfig> joined = joined_settings(scratch_ / "guest");
+  fetch("peer");
+  const Expected<RunConfig> joined = joined_settings(scratch_ / "peer");
   ASSERT_TRUE(joined) << joined.error().message;
   EXPECT_EQ(joined->run.scenario, "field");
   EXPECT_EQ(joined->collection.rollout, 16);
@@ -84,10 +84,10 @@ TEST_F(RunOffer, MapsOfAPoolAreSentAndFoundOnTheOtherHost) {
                   {"two", scratch_.write("pool/b.wad", "B"), 0, 0}};
   scratch_.write("run/layouts/pool.toml", layout_list_text(list));
   ASSERT_TRUE(make_offer(run_, config_, iwad_));
-  fetch("guest");
-  const Expected<RunConfig> joined = joined_settings(scratch_ / "guest");
+  fetch("peer");
+  const Expected<RunConfig> joined = joined_settings(scratch_ / "peer");
   ASSERT_TRUE(joined) << joined.error().message;
-  const Expected<LayoutList> there = read_layout_list(scratch_ / "guest");
+  const Expected<LayoutList> there = read_layout_list(scratch_ / "peer");
   ASSERT_TRUE(there) << there.error().message;
   ASSERT_EQ(there->layouts.size(), 2u);
   EXPECT_EQ(there->layouts[0].id, "one");
@@ -96,8 +96,8 @@ TEST_F(RunOffer, MapsOfAPoolAreSentAndFoundOnTheOtherHost) {
   // A list that leads out of the folder is refused.
   for (const char* way_out : {"/etc/passwd", "layouts/../../doom.wad", ""}) {
     list.layouts[1].path = way_out;
-    scratch_.write("guest/layouts/link_pool.toml", layout_list_text(list));
-    EXPECT_FALSE(joined_settings(scratch_ / "guest")) << way_out;
+    scratch_.write("peer/layouts/link_pool.toml", layout_list_text(list));
+    EXPECT_FALSE(joined_settings(scratch_ / "peer")) << way_out;
   }
 }
 

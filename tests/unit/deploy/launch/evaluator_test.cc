@@ -44,7 +44,7 @@ TEST(EvaluationMetrics, AreThoseOfTheObjectThatEvalPrints) {
     EXPECT_FALSE(evaluation_metrics(broken)) << broken;
 }
 
-/// A run directory, and a program `comrad` that does what a script says.
+/// A run directory, and a program `comrad` that follows a script.
 class EvaluatorTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -123,7 +123,7 @@ TEST_F(EvaluatorTest, PlaysACheckpointWritesItsScoreAndDeletesIt) {
     if (name.starts_with("eval/")) names.push_back(name);
   EXPECT_THAT(test::undocumented(test::documented_metrics({"eval/"}), names), IsEmpty());
   EXPECT_THAT(test::unwritten(test::documented_metrics({"eval/"}), names), IsEmpty());
-  EXPECT_FALSE(fs::is_empty(plan_.run_dir + "/eval")) << "no event file of its own";
+  EXPECT_FALSE(fs::is_empty(plan_.run_dir + "/eval")) << "no separate event file";
   const std::string asked_for = read_file(asked()).value_or("");
   for (const std::string& words :
        {"eval --policy " + plan_.run_dir, "--checkpoint " + path, std::string("--episodes 2"),
@@ -158,7 +158,7 @@ TEST_F(EvaluatorTest, ACheckpointThatCannotBePlayedIsToldAndTheRunGoesOn) {
   save(3, 1024);
   EXPECT_THAT(run_out(evaluator),
               ElementsAre(AllOf(HasSubstr("at 1k env frames failed (exit code 2"),
-                                HasSubstr("bad checkpoint"), HasSubstr("the run goes on"))));
+                                HasSubstr("bad checkpoint"), HasSubstr("the run continues"))));
   EXPECT_THAT(waiting(), IsEmpty()) << "it would fail again";
   comrad_says("echo '{}'");
   save(4, 2048);
@@ -172,7 +172,7 @@ TEST_F(EvaluatorTest, WithoutAProgramItSaysSoAndStops) {
   plan_.bin_dir += "/nowhere";
   Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   save(3, 1024);
-  EXPECT_THAT(run_out(evaluator), ElementsAre(HasSubstr("goes on without evaluations")));
+  EXPECT_THAT(run_out(evaluator), ElementsAre(HasSubstr("continues without evaluations")));
 }
 
 TEST_F(EvaluatorTest, WhatIsGivenUpIsPlayedAtTheNextStart) {

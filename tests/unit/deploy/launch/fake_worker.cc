@@ -1,5 +1,5 @@
-// Stands in for the three worker programs in supervisor_test: it joins the run, counts decisions, obeys the
-// run state and misbehaves as `<run_dir>/fake.txt` says. What it lives through goes to
+// Replaces the three worker programs in supervisor_test: it joins the run, counts decisions, obeys the
+// run state and misbehaves as `<run_dir>/fake.txt` orders. What it lives through goes to
 // `<run_dir>/events.log`.
 //
 // Lines of fake.txt, `<name> <habit> [number]`, where name is sim-0, policy-0, learner, ...:

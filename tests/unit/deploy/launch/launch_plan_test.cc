@@ -1,4 +1,4 @@
-// What a plan asks of shared memory.
+// What a plan requires of shared memory.
 #include "deploy/launch/launch_plan.h"
 
 #include <gtest/gtest.h>

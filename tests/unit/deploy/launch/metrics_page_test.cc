@@ -34,7 +34,7 @@ RunSnapshot small_run() {
   return run;
 }
 
-/// The page's samples by name and labels, read as strictly as the format says.
+/// The page's samples by name and labels, read as strictly as the format defines.
 std::map<std::string, double> read_page(const std::string& text) {
   std::map<std::string, double> samples;
   std::set<std::string> families;

@@ -199,7 +199,7 @@ std::string read_all(int descriptor) {
   return text;
 }
 
-/// Writes until the reader has lost lines, and sees that what it reads then tells of them.
+/// Writes until the reader has lost lines, and checks that the reader then learns of them.
 void expect_drops_and_says_so(int writer, int reader) {
   ProgressPrinter printer(writer, true);
   const std::string line(1000, 'x');
@@ -208,7 +208,7 @@ void expect_drops_and_says_so(int writer, int reader) {
   EXPECT_LT(before.size(), 400'000u) << "the reader was never slow enough for this test";
   printer.note("here again");
   const std::string after = read_all(reader);
-  EXPECT_NE(after.find(" lines dropped: nobody read them)"), std::string::npos) << after;
+  EXPECT_NE(after.find(" lines dropped: the terminal did not read them)"), std::string::npos) << after;
   EXPECT_TRUE(after.ends_with("here again\n") || after.ends_with("here again\r\n")) << after;
   const int flags = fcntl(writer, F_GETFL);
   EXPECT_EQ(flags & O_NONBLOCK, 0) << "others that share the descriptor would get EAGAIN";
@@ -233,7 +233,7 @@ TEST(ProgressPrinter, LosesItsReaderWithoutHarm) {
   signal(SIGPIPE, SIG_IGN);
   close(ends[0]);
   ProgressPrinter printer(ends[1], true);
-  printer.line("nobody reads this");
+  printer.line("never read");
   close(ends[1]);
 }
 

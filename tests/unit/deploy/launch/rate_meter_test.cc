@@ -80,7 +80,7 @@ TEST_F(RateMeterTest, WhatAResumedLearnerBeginsWithIsNoWorkOfThisProcess) {
 TEST_F(RateMeterTest, HowFullTheReplayIsComesFromTheLearnersReport) {
   RateMeter meter(plan_);
   meter.use(&arena_);
-  EXPECT_EQ(meter.replay_filled(), 1) << "nobody waits";
+  EXPECT_EQ(meter.replay_filled(), 1) << "no worker waits";
   for (const auto& [told, shown] :
        {std::pair(0.25, 0.25), {1.0, 1.0}, {0.0, 0.0}, {-3.0, 1.0}, {7.0, 1.0}, {std::nan(""), 1.0}}) {
     shm::LearnerReport report;
@@ -219,7 +219,7 @@ TEST_F(RateMeterTest, AccountsNameEveryDecisionOfADeadLearner) {
   EXPECT_EQ(meter.learner_ended(), 200u) << "taken and not trained on";
   EXPECT_EQ(meter.learner_ended(), 0u);
 
-  // Its successor goes back to 450 and has trained on 50 before anybody looks.
+  // Its successor goes back to 450 and has trained on 50 before the next look.
   learner_says(450, 9, 2);
   arena_.learner_counters().decisions = 500;
   account.taken = 425;

@@ -173,7 +173,7 @@ TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
   ASSERT_EQ(WEXITSTATUS(status), 0);
   std::atomic<bool> is_released = false;
   std::jthread release([&] {
-    usleep(200'000);  // so that the run is asked for while it is held
+    usleep(200'000);  // so that the request arrives while the run is held
     is_released = true;
     close(lifeline[1]);
   });

@@ -35,7 +35,7 @@ TEST(ReadUsage, AddsUpWhatWorkersCountByRole) {
   arena.sim_counters(0).wait_ns = 1'000'000'000;
   arena.sim_counters(1).wait_ns = 2'000'000'000;
   arena.learner_counters().wait_ns = 500'000'000;
-  EXPECT_EQ(read_usage(run_dir.string(), arena).cpu_s(), 0) << "nobody counts";
+  EXPECT_EQ(read_usage(run_dir.string(), arena).cpu_s(), 0) << "no counters";
 
   std::filesystem::create_directory(run_dir / kStagesFolder);
   const auto write = [&](const std::string& name, uint64_t pid, Stage stage, uint64_t ns, uint64_t bytes) {

@@ -38,7 +38,7 @@ std::string read_file(const std::string& path) {
 /// What is true of real processes alone: what they are given, what reaches them, and that none is left. The supervisor's
 /// decisions are played by tests/simulation.
 ///
-/// A supervisor in a process of its own (launch_probe.cc) with fake workers (fake_worker.cc) in a
+/// A supervisor in its own process (launch_probe.cc) with fake workers (fake_worker.cc) in a
 /// run directory.
 class Launch : public testing::Test {
  protected:
@@ -98,7 +98,7 @@ class Launch : public testing::Test {
   std::vector<pid_t> living_workers() const {
     std::vector<pid_t> alive;
     for (const pid_t pid : pids("")) {
-      // A pid that now belongs to somebody else is not ours.
+      // A pid that now belongs to another process is not ours.
       if (read_file("/proc/" + std::to_string(pid) + "/cmdline").find(run_dir_) != std::string::npos)
         alive.push_back(pid);
     }
@@ -214,7 +214,7 @@ TEST_F(Launch, SigtermStopsEverybodyCleanly) {
                             {"sim-0 stopped", "sim-1 stopped", "policy-0 stopped", "learner stopped"}));
   EXPECT_EQ(status()["state"], "paused");
   EXPECT_EQ(status()["message"],
-            "interrupted by SIGTERM; go on with --experiment " + fs::path(run_dir_).filename().string());
+            "interrupted by SIGTERM; continue with --experiment " + fs::path(run_dir_).filename().string());
 }
 
 TEST_F(Launch, ALearnerThatDoesNotStopIsKilledAndTheExitCodeIsNotZero) {

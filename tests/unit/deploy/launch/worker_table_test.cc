@@ -117,7 +117,7 @@ TEST_F(WorkerTableTest, AWorkerThatDoesNotJoinInTimeIsKilled) {
   clock_.advance_s(119);
   EXPECT_THAT(table_->reap_exited(/*is_stopping=*/false), IsEmpty());
   clock_.advance_s(2);
-  EXPECT_THAT(table_->reap_exited(/*is_stopping=*/true), IsEmpty()) << "a stop has deadlines of its own";
+  EXPECT_THAT(table_->reap_exited(/*is_stopping=*/true), IsEmpty()) << "a stop has its own deadlines";
   const auto exited = table_->reap_exited(/*is_stopping=*/false);
   ASSERT_EQ(exited.size(), 3u);
   EXPECT_EQ(exited[0].first->name, "learner") << "in the order in which they are taken back";

@@ -120,7 +120,7 @@ TEST_F(ReplyServerTest, KnowsWhoAsksAndWhatIsTaken) {
   EXPECT_EQ(peer_of(one.get()).user, static_cast<int64_t>(geteuid()));
   EXPECT_EQ(peer_of(one.get()).pid, static_cast<int64_t>(getpid()));
   EXPECT_FALSE(listen_on_name(name_)) << "taken";
-  const auto nobody = connect_to_name(name_ + "-nobody");
+  const auto nobody = connect_to_name(name_ + "-none");
   ASSERT_FALSE(nobody);
   EXPECT_EQ(nobody.error().code, ErrorCode::kNotFound);
 }

@@ -35,7 +35,7 @@ CHROMIUM_FLAGS = [
     "--virtual-time-budget=20000",
 ]
 WIDTH, HEIGHT = 1100, 12000  # of the window and of its picture, which hold the whole page
-# What the page says of itself: put before </body> of a copy, because the page has no script of its own.
+# The page's own check: put before </body> of a copy, because the page has no script.
 # Its greeting shows that what a page writes to the console would be seen.
 PROBE = """<script>console.error("heard"); addEventListener("load", () => { document.body.dataset.probe = JSON.stringify({
   figures: [...document.querySelectorAll("figure")].map(one => { const image = one.querySelector("img"), box = image.getBoundingClientRect();

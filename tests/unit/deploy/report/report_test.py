@@ -281,7 +281,7 @@ class Grouping(WithFolder):
                 expected.add(name)
             if ".is_of_the_start" in row or ".is_automatic_size" in row:
                 expected.add(name)
-        self.assertEqual(run_files.NOT_LEARNED ^ expected, {"precision"}, "which parts cells where runs were told it")
+        self.assertEqual(run_files.NOT_LEARNED ^ expected, {"precision"}, "which parts cells where runs set it")
         self.assertLessEqual(analysis.BUDGETS - {"train_for_env_steps"}, set(rows))
 
     def test_settings_beyond_those_that_are_named_part_cells_too(self):
@@ -426,7 +426,7 @@ class Sweeps(WithFolder):
             shutil.rmtree(self.sweep / name)
         study = self.study()
         self.assertEqual([cell.absence for cell in study.cells], ["no score: 1 failed, 2 missing", "no score: 2 failed"])
-        self.assertIn("its record says finished, but it has no folder", self.reasons(study))
+        self.assertIn("its record states finished, but it has no folder", self.reasons(study))
         self.assertIsNone(figures.learning_curves(study, "lava_pit"))
         self.assertIsNone(figures.speed_figure(study))
         of.csv_files(study)
@@ -782,7 +782,7 @@ class TheCommand(WithFolder):
 
 
 class ResultsPage(WithFolder):
-    """A folder of kept results: tests over episodes, corrected, and what the page says of them."""
+    """A folder of kept results: tests over episodes, corrected, and what the page reports of them."""
 
     def keep(self, scenario, algo, seed, scores, **result):
         run = made_runs.write_run(self.folder, scenario, algo, seed, start=0, end=1, reports=5, frames=2e6)

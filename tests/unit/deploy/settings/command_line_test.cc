@@ -187,7 +187,7 @@ TEST(CommandLine, HelpReadsTheFlagsBesideIt) {
   std::string what;
   CommandLine line("bench WHAT", "");
   line.add_positional("WHAT", what, "what to measure");
-  ASSERT_EQ(parse(line, {"--algo", "vdn", "--help"}), "") << "nothing is missing where help is asked for";
+  ASSERT_EQ(parse(line, {"--algo", "vdn", "--help"}), "") << "nothing is missing where help is requested";
   EXPECT_TRUE(line.help_requested());
   EXPECT_THAT(line.typed().values, ElementsAre(Pair("algo", "vdn")));
 }
@@ -213,7 +213,7 @@ TEST(CommandLine, HelpShowsTheValuesInForceAndWhatDoesNothing) {
 TEST(CommandLine, HelpOfAnEvaluationListsWhatItUses) {
   CommandLine line("eval", "Plays.");
   line.add_settings(SettingsListed::kUsedByEval);
-  ASSERT_TRUE(line.parse(Words{"--gamma=0.9"})) << "scripts that pass the flags of a run go on";
+  ASSERT_TRUE(line.parse(Words{"--gamma=0.9"})) << "scripts that pass the flags of a run continue";
   const std::string help = line.help();
   for (const char* used : {"--scenario ", "--layout_pool ", "--num_workers ", "--device ", "--seed "})
     EXPECT_THAT(help, HasSubstr(used));

@@ -142,7 +142,7 @@ TEST(MergeNew, SharesOfRewards) {
     EXPECT_EQ(alpha({{"preset", preset}, {"algo", "ippo"}}), 0.25) << "the scenario's";
     EXPECT_EQ(alpha({{"preset", preset}, {"algo", "mappo"}}), 0.25) << "the scenario's";
     EXPECT_EQ(alpha({{"preset", preset}, {"algo", "happo"}}), 1) << "its joint critic needs one reward";
-    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "happo"}, {"shared_reward_alpha", "0"}}), 0) << "asked for";
+    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "happo"}, {"shared_reward_alpha", "0"}}), 0) << "requested";
     EXPECT_EQ(alpha({{"preset", preset}, {"algo", "idqn"}}), 0);
     EXPECT_EQ(alpha({{"preset", preset}, {"algo", "qmix"}}), 0);
   }
@@ -185,7 +185,7 @@ TEST(MergeNew, RecipesCountInTheUnitOfTheirCoreAlone) {
   EXPECT_EQ(size({{"algo", "vdn"}, {"use_rnn", "false"}}), 32) << "joint decisions";
   EXPECT_EQ(size({{"algo", "idqn"}}), 64) << "agent decisions";
   EXPECT_EQ(size({{"algo", "idqn"}, {"use_rnn", "true"}}), 8) << "sequences";
-  EXPECT_EQ(size({{"algo", "idqn"}, {"use_rnn", "true"}, {"replay_batch_size", "6"}}), 6) << "asked for";
+  EXPECT_EQ(size({{"algo", "idqn"}, {"use_rnn", "true"}, {"replay_batch_size", "6"}}), 6) << "requested";
   // The names of each unit: the one that is drawn counts, the layer it came from is that of the other setting.
   EXPECT_EQ(size({{"algo", "vdn"}, {"qmix_batch_sequences", "9"}, {"dqn_batch_decisions", "5"}}), 9);
   const auto other = merge_new(typed({{"algo", "vdn"}, {"dqn_batch_decisions", "5"}}), fake_scenario, 2);

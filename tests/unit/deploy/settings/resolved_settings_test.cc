@@ -1,6 +1,6 @@
 // What every scenario, algorithm and preset comes to, 13 x 8 x 2 of them, against tables that were typed from the
 // specification of the training system (its sections are named beside the rows) and never read from the code. Every
-// setting stands in one of three lists: learned with (kPaper), or not (kNotLearning); a new one fails the test until it is
+// setting is in one of three lists: learned with (kPaper), or not (kNotLearning); a new one fails the test until it is
 // put into one of them.
 
 #include <gmock/gmock.h>
@@ -91,7 +91,7 @@ constexpr Row kPaper[] = {
     {"adam_beta1", "0.9"},
     {"adam_beta2", "0.999"},
     {"max_grad_norm", "4"},
-    // 3.2 model; 3.1 RNN; 2.3: HAPPO has networks of its own per agent; 7 item 22: values are not tied to positions
+    // 3.2 model; 3.1 RNN; 2.3: HAPPO has separate networks per agent; 7 item 22: values are not tied to positions
     {"encoder", "simple"},
     {"use_rnn", "true true true false true true true true"},
     {"rnn_type", "lstm lstm gru gru gru gru gru gru"},
@@ -357,7 +357,7 @@ TEST(ResolvedSettings, EverySettingIsEitherLearnedWithOrNot) {
   for (const SettingRow& row : setting_rows()) {
     const std::string name(row.name);
     EXPECT_NE(learned.contains(name), kNotLearning.contains(name))
-        << name << " must stand in one of the two lists";
+        << name << " must be in one of the two lists";
   }
   EXPECT_EQ(setting_rows().size(), learned.size() + kNotLearning.size())
       << "a list names a setting that does not exist";

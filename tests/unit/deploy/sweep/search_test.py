@@ -140,7 +140,7 @@ class Search(unittest.TestCase):
         self.assertTrue(report(2, 100, 4.0))
         self.assertFalse(report(3, 100, 6.0))
         self.assertTrue(report(4, 100, 1.0))
-        self.assertTrue(report(4, 100, 9.0))  # told already, and killed before it noted that
+        self.assertTrue(report(4, 100, 9.0))  # reported already, and killed before it noted that
         self.assertFalse(report(1, 100, 0.0))
         self.assertFalse(report(3, 300, 6.0))
         self.assertTrue(report(1, 300, 5.0))

@@ -273,7 +273,7 @@ TEST(SweepSearch, RefusesWhatCannotBeWithItsLine) {
   EXPECT_THAT(refusal(search_with("trials = 3", "members = 3")),
               StartsWith("s.toml:8: unknown key 'members' in [search]"));
   EXPECT_THAT(refusal(search_with("trials = 3", "")),
-              HasSubstr("says no number of runs; add a line: trials = 20"));
+              HasSubstr("lacks the number of runs; add a line: trials = 20"));
   EXPECT_THAT(refusal(search_with("trials = 3", "trials = 0")),
               StartsWith("s.toml:8: trials must be a whole number between 1"));
   EXPECT_THAT(refusal(search_with("seed = 7", "seed = -1")), StartsWith("s.toml:9: seed must be"));
@@ -339,7 +339,7 @@ TEST(SweepSearch, MakesItsTrialsOfEachCombination) {
   const SweepPlan members = plan_of(population("members = 3\nevery_env_frames = 1e4", "gamma = [0.9, 0.99]"));
   EXPECT_THAT(names_of(members), ElementsAre("member_1", "member_2", "member_3"));
   EXPECT_THAT(members.runs[2].command("comrad", "/tmp"),
-              testing::Contains("--seed=44"));  // weights of its own
+              testing::Contains("--seed=44"));  // its own weights
 }
 
 TEST(SweepSearch, RefusesWhatAnyOfItsRunsCouldNotDo) {
@@ -358,7 +358,7 @@ TEST(SweepSearch, RefusesWhatAnyOfItsRunsCouldNotDo) {
   EXPECT_THAT(plan_refusal(population(every + "1e4",
                                       "learning_rate = {low = 1e-5, high = 1e-3}\nlr_schedule = "
                                       "[\"constant\", \"kl_adaptive_epoch\"]")),
-              AllOf(StartsWith("s.toml:11: "), HasSubstr("goes on at the rate of its checkpoint")));
+              AllOf(StartsWith("s.toml:11: "), HasSubstr("continues at the rate of its checkpoint")));
   EXPECT_THAT(plan_refusal(search_with("trials = 3", "trials = 10000") + "[axes]\nseed = [1, 2]\n"),
               HasSubstr("more than 10000"));
 }

@@ -78,7 +78,7 @@ TEST(SweepFolder, StatesFollowFromRecordProcessQueueAndStatus) {
   record.state = RunState::kFinished;
   ASSERT_TRUE(folder.write_record(run, record));
   EXPECT_EQ(folder.look(run, {}).state, RunState::kFinished);
-  plan.runs[0].goal_env_frames = 2000;  // the file asks for more now
+  plan.runs[0].goal_env_frames = 2000;  // the file requests more now
   const SweepFolder longer = folder_of(plan);
   EXPECT_EQ(longer.look(longer.runs()[0], {}).state, RunState::kWaiting);
   scratch.write("study/a/status.json", R"({"state": "finished", "env_frames": 2000, "J_mean": null})");
