@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every C++ file reads as clang-format 14 writes it with .clang-format. To mend one: build/test-python/bin/clang-format -i FILE.
+# Every C++ file reads as clang-format 14 writes it with .clang-format. To fix one: build/test-python/bin/clang-format -i FILE.
 #
 #   formatting_test.sh VENV      VENV: the Python of the tests (or COMRAD_TEST_PYTHON), which clang-format is installed in
 #

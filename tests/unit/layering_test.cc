@@ -176,7 +176,7 @@ std::string layer_of(const std::string& file) {
                                                                              : folder_of(file);
 }
 
-/// Place among the layers of its own folder.
+/// Place among its folder's layers.
 std::size_t rank_of(const std::string& file) {
   // A scenario's oracle is one of the simulator's.
   const std::string path = layer_of(file) == folder_of(file) ? file : layer_of(file) + "/oracle/oracle.cc";
@@ -199,7 +199,7 @@ std::string fault_of(const Include& include) {
   if (from == to && layers_inside().contains(from) && rank_of(include.target) > rank_of(include.file))
     return from + ": " + fs::path(include.target).parent_path().string() + " lies above " +
            fs::path(include.file).parent_path().string();
-  // The arena and the bus do not know each other; whoever needs both joins them.
+  // The arena and the bus do not include each other; code that needs both joins them.
   if (include.file.starts_with("rollout_buffer/dds/") && include.target.starts_with("rollout_buffer/shm/"))
     return "rollout_buffer/dds may not include rollout_buffer/shm";
   if (include.quoted && include.target.starts_with("../"))
@@ -264,7 +264,7 @@ TEST(Layering, QuotedIncludesOfOursExist) {
 }
 
 /// Whether a test lies where its source lies: tests/unit/shm/x_test.cc for shm/x.h or shm/x.cc. The folders of
-/// sim_workers/engine stand in tests/unit/sim_workers.
+/// sim_workers/engine are in tests/unit/sim_workers.
 bool mirrors_a_source(const fs::path& test) {
   const fs::path root = COMRAD_SOURCE_DIR;
   const std::string stem = test.stem().string();
@@ -304,7 +304,7 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("rollout_buffer/schema/spec.cc", "rollout_buffer/shm/arena.h"));
   EXPECT_TRUE(is_fault("rollout_buffer/dds/bus.cc", "rollout_buffer/shm/arena.h"));
   EXPECT_TRUE(is_fault("sim_workers/engine/play/damage.cc", "sim_workers/engine/specials/line_specials.h"));
-  EXPECT_TRUE(is_fault("sim_workers/engine/specials/doors.cc", "sim_workers/engine/acs/machine.h"));
+  EXPECT_TRUE(is_fault("sim_workers/engine/specials/floors.cc", "sim_workers/engine/acs/machine.h"));
   EXPECT_TRUE(is_fault("sim_workers/engine/world/world.h", "sim_workers/engine/tic/tic.h"));
   EXPECT_TRUE(is_fault("sim_workers/engine/fixed.cc", "sim_workers/engine/actors/actor_type.h"));
   EXPECT_TRUE(is_fault("scenarios/lava_pit/oracle.cc", "sim_workers/worker/sim_worker.h"));

@@ -1,4 +1,4 @@
-// The exit codes of test programs, which ctest reads: this program runs cases of its own that are
+// The exit codes of test programs, which ctest reads: this program runs its own cases, which are
 // disabled here.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
