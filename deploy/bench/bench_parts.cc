@@ -1,5 +1,7 @@
 #include "deploy/bench/bench_parts.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -61,8 +63,8 @@ Expected<ordered_json> object_of(const std::vector<std::string>& command, double
       run_program(command, {.timeout_s = timeout_s, .echo_stderr = true, .environment = sleeping_threads()}));
   if (result.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
   if (result.exit_code != 0)
-    return Error{ErrorCode::kPeerLost, "the worker's bench ended with exit code " +
-                                           std::to_string(result.exit_code) + ": " + last_words(result)};
+    return Error{ErrorCode::kPeerLost, fmt::format("the worker's bench ended with exit code {}: {}",
+                                                   result.exit_code, last_words(result))};
   ordered_json measured = ordered_json::parse(result.output, nullptr, false);
   if (!measured.is_object() || !measured.contains("decisions_per_s") ||
       !measured["decisions_per_s"].is_number())

@@ -1,5 +1,7 @@
 #include "deploy/bench/bench_report.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cstdio>
 #include <ctime>
 #include <fstream>
@@ -66,7 +68,7 @@ std::string machine_text(const std::string& cpuinfo, int usable_cores) {
     if (key == "model name") model = value;
     if (key == "flags") features = " " + value + " ";
   }
-  std::string text = model + ", " + std::to_string(usable_cores) + " of " + std::to_string(count) + " cores";
+  std::string text = fmt::format("{}, {} of {} cores", model, usable_cores, count);
   for (const auto& [flag, name] : {std::pair{"avx2", "AVX2"}, std::pair{"avx512f", "AVX-512"},
                                    std::pair{"avx512_bf16", "AVX-512 BF16"}, std::pair{"amx_bf16", "AMX"}})
     if (features.find(" " + std::string(flag) + " ") != std::string::npos) text += std::string(", ") + name;

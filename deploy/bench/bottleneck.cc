@@ -1,5 +1,7 @@
 #include "deploy/bench/bottleneck.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -11,7 +13,7 @@ constexpr double kAllBusy = 0.9;       // of the cores' time: more would need mo
 constexpr double kNeverWaits = 0.85;   // of a process's time
 constexpr double kOthersMatter = 0.1;  // of the cores' time
 
-std::string percent(double share) { return std::to_string(std::lround(100 * share)) + " %"; }
+std::string percent(double share) { return fmt::format("{} %", std::lround(100 * share)); }
 
 std::string words_of(Stage stage) {
   switch (stage) {
@@ -50,8 +52,8 @@ std::string cheaper(Stage stage, const PipelineNumbers& numbers) {
     case Stage::kHandOver:
     case Stage::kGather:
     case Stage::kScatter:
-      return "--num_envs_per_worker " + std::to_string(2 * numbers.num_envs_per_worker) +
-             " hands over more at a time";
+      return fmt::format("--num_envs_per_worker {} hands over more at a time",
+                         2 * numbers.num_envs_per_worker);
     case Stage::kOptimizer:
     case Stage::kPublish:
       return "a larger --batch_size takes fewer steps";
@@ -84,25 +86,25 @@ std::string bottleneck_text(const PipelineNumbers& numbers) {
   const std::string idle = percent(1 - numbers.cores_busy) + " of the cores' time is idle; ";
   const double busiest = std::max({numbers.sim_busy, numbers.policy_busy, numbers.learner_busy});
   if (busiest < kNeverWaits)
-    return beside +
-           "no component is saturated: simulators, policy workers and learner wait for each other's "
-           "hand-overs, and " +
-           idle + "set --num_envs_per_worker " + std::to_string(2 * numbers.num_envs_per_worker) + ".";
+    return fmt::format(
+        "{}no component is saturated: simulators, policy workers and learner wait for each other's "
+        "hand-overs, and {}set --num_envs_per_worker {}.",
+        beside, idle, 2 * numbers.num_envs_per_worker);
   // The component that never waits is the bottleneck.
   if (numbers.learner_busy == busiest)
     return beside + "the learner never waits (busy " + percent(busiest) + "), and " + idle +
            (numbers.is_on_gpu ? "set a larger --batch_size."
             : numbers.learner_threads < numbers.cores
-                ? "set --learner_threads " + std::to_string(numbers.learner_threads + 1) + "."
+                ? fmt::format("set --learner_threads {}.", numbers.learner_threads + 1)
                 : "set a larger --micro_batch_size.");
   if (numbers.policy_busy == busiest)
     return beside + "the policy workers never wait (busy " + percent(busiest) + "), and " + idle +
-           (numbers.is_on_gpu
-                ? "set --num_envs_per_worker " + std::to_string(2 * numbers.num_envs_per_worker) +
-                      ": policy workers take turns on a GPU, larger batches need fewer."
-                : "set --policy_workers " + std::to_string(numbers.policy_workers + 1) + ".");
-  return beside + "the simulators never wait (busy " + percent(busiest) + "), and " + idle +
-         "set --num_workers " + std::to_string(numbers.num_workers + 1) + ".";
+           (numbers.is_on_gpu ? fmt::format("set --num_envs_per_worker {}: policy workers take turns on a "
+                                            "GPU, larger batches need fewer.",
+                                            2 * numbers.num_envs_per_worker)
+                              : fmt::format("set --policy_workers {}.", numbers.policy_workers + 1));
+  return fmt::format("{}the simulators never wait (busy {}), and {}set --num_workers {}.", beside,
+                     percent(busiest), idle, numbers.num_workers + 1);
 }
 
 }  // namespace comrad::deploy

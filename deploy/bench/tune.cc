@@ -1,5 +1,7 @@
 // `comrad tune`: which workers, environments, threads and precision make the whole pipeline fastest on this machine.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -44,9 +46,9 @@ ordered_json json_of(const TunedSettings& settings) {
 }
 
 Status write_toml(const std::string& path, const TuneResult& result, const MergedSettings& merged) {
-  const std::string found_for = "# comrad tune: " + merged.config.run.scenario + ", " +
-                                merged.config.run.algo.name() + ", " + std::to_string(usable_cores()) +
-                                " cores; use: comrad train --config FILE\n";
+  const std::string found_for =
+      fmt::format("# comrad tune: {}, {}, {} cores; use: comrad train --config FILE\n",
+                  merged.config.run.scenario, merged.config.run.algo.name(), usable_cores());
   return write_file_atomically(path, found_for + toml_of(result.best), /*durable=*/false);
 }
 

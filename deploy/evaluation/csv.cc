@@ -1,5 +1,7 @@
 #include "deploy/evaluation/csv.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -44,7 +46,7 @@ std::string csv_text(const std::vector<Json>& rows) {
     }
     for (std::size_t index = 0; value.is_array() && index < length; ++index) {
       columns.push_back({key, static_cast<int>(index)});
-      names.push_back(key + "_" + std::to_string(index));
+      names.push_back(fmt::format("{}_{}", key, index));
     }
   }
   std::string text = line_of(names);

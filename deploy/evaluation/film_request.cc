@@ -1,5 +1,7 @@
 #include "deploy/evaluation/film_request.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <charconv>
@@ -73,8 +75,8 @@ HalfWrittenFilm::HalfWrittenFilm(const std::string& video) : video_(video) {
   if (video.empty()) return;
   // The name's end selects the container.
   const auto hidden = [&path](const char* state) {
-    return path.parent_path() / (std::string(kHalfWrittenMark) + std::to_string(getpid()) + state + "-" +
-                                 path.filename().string());
+    return path.parent_path() /
+           (fmt::format("{}{}{}-{}", kHalfWrittenMark, getpid(), state, path.filename().string()));
   };
   name_ = hidden(""), finished_name_ = hidden("-finished");
   signals_.emplace();

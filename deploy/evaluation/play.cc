@@ -1,5 +1,7 @@
 #include "deploy/evaluation/play.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <map>
 #include <string>
@@ -25,7 +27,7 @@ Status seat_players(const EvaluationGame& game, const Team& team, LaunchPlan& pl
       const auto [found, is_new] = numbers.emplace(name, static_cast<int>(numbers.size()));
       seat.network = found->second;
       if (is_new) {
-        const std::string settings = plan.run_dir + "/network_" + std::to_string(seat.network) + ".toml";
+        const std::string settings = fmt::format("{}/network_{}.toml", plan.run_dir, seat.network);
         COMRAD_TRY(write_settings(settings, settings_to_play(player, game.merged.config)));
         plan.seats.networks.push_back({settings, player.checkpoint});
         // Each one's epsilon, a float, goes before its weights.
@@ -73,9 +75,9 @@ Expected<LaunchPlan> plan_of(const EvaluationGame& game, const Team& team, bool 
 Expected<RunOutcome> play(const LaunchPlan& plan) {
   COMRAD_TRY_ASSIGN(RunOutcome outcome, deploy::run(plan));
   if (outcome.reason != StopReason::kFinished || outcome.episodes.size() != plan.episodes)
-    return Error{ErrorCode::kPeerLost, "only " + std::to_string(outcome.episodes.size()) + " of " +
-                                           std::to_string(plan.episodes) + " episodes were played" +
-                                           (outcome.message.empty() ? "" : ": " + outcome.message)};
+    return Error{ErrorCode::kPeerLost,
+                 fmt::format("only {} of {} episodes were played{}", outcome.episodes.size(), plan.episodes,
+                             (outcome.message.empty() ? "" : ": " + outcome.message))};
   return outcome;
 }
 

@@ -1,5 +1,7 @@
 #include "deploy/evaluation/player.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <span>
@@ -24,7 +26,7 @@ std::string heads_text(const EnvShape& env) {
 /// What of the agents' tensors differs, as game_difference() describes it; empty where nothing does.
 std::string shape_difference(const EnvShape& trained, const EnvShape& played) {
   const auto differ = [](const std::string& what, auto there, auto here) {
-    return what + " is " + std::to_string(there) + " there and " + std::to_string(here) + " here";
+    return fmt::format("{} is {} there and {} here", what, there, here);
   };
   if (trained.num_agents != played.num_agents)
     return differ("num_agents", trained.num_agents, played.num_agents);

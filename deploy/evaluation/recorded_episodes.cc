@@ -1,5 +1,7 @@
 #include "deploy/evaluation/recorded_episodes.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -48,15 +50,16 @@ Status keep_episodes(const std::string& folder, const EvaluationGame& game, cons
   fs::create_directories(folder, failed);
   if (failed) return file_error("cannot make " + folder, failed.value());
   for (const EpisodeRecord& episode : played.episodes) {
-    const std::string recorded =
-        plan.episodes_folder() + "/" + std::to_string(episode.episode_seed) + ".comrad";
+    const std::string recorded = fmt::format("{}/{}.comrad", plan.episodes_folder(), episode.episode_seed);
     const std::string text = read_file(recorded).value_or("");
     const std::size_t end = text.find('\n');
     const Json own = Json::parse(text.substr(0, end), nullptr, /*allow_exceptions=*/false);
     if (end == std::string::npos || !own.is_object())
-      return Error{ErrorCode::kPeerLost, "episode " + std::to_string(episode.episode_id) +
-                                             " was not recorded, because a simulator was started again; "
-                                             "evaluate once more"};
+      return Error{
+          ErrorCode::kPeerLost,
+          fmt::format(
+              "episode {} was not recorded, because a simulator was started again; evaluate once more",
+              episode.episode_id)};
     const std::size_t map = game.map_of(episode.episode_id);
     const std::string wad = game.pool.layouts.empty() ? config.environment.wad : game.pool.layouts[map].path;
     COMRAD_TRY_ASSIGN(const std::string map_name, keep_map(folder, wad, game.map_hashes[map]));

@@ -1,5 +1,7 @@
 #include "deploy/evaluation/team.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <map>
@@ -24,7 +26,7 @@ Expected<std::map<int, std::string>> read_seats(const std::vector<std::string>& 
         number.ptr != end || seat < 0)
       return bad("--seat=" + text + ": write AGENT=PLAYER, the agent counted from 0, as 1=oracle");
     if (!seats.emplace(seat, text.substr(equals + 1)).second)
-      return bad("--seat=" + text + ": seat " + std::to_string(seat) + " was named before");
+      return bad(fmt::format("--seat={}: seat {} was named before", text, seat));
   }
   return seats;
 }
@@ -36,7 +38,7 @@ Team make_team(std::vector<std::string> players) {
     return team;
   }
   for (std::size_t seat = 0; seat < team.players.size(); ++seat)
-    team.name += (seat == 0 ? "" : ",") + std::to_string(seat) + "=" + team.players[seat];
+    team.name += fmt::format("{}{}={}", (seat == 0 ? "" : ","), seat, team.players[seat]);
   return team;
 }
 
@@ -98,8 +100,8 @@ Expected<std::vector<Team>> make_teams(const EvaluationRequest& request, int num
   COMRAD_TRY_ASSIGN(const auto seats, read_seats(request.seats));
   for (const auto& [seat, player] : seats)
     if (seat >= num_agents)
-      return bad("--seat=" + std::to_string(seat) + "=" + player + ": the team has " +
-                 std::to_string(num_agents) + " agents, 0 to " + std::to_string(num_agents - 1));
+      return bad(fmt::format("--seat={}={}: the team has {} agents, 0 to {}", seat, player, num_agents,
+                             num_agents - 1));
   if (seats.size() == agents && !request.policies.empty())
     return bad("--seat names a player for every agent, so --policy has none to play; leave it out");
   const std::vector<std::string> others =
@@ -110,9 +112,10 @@ Expected<std::vector<Team>> make_teams(const EvaluationRequest& request, int num
       const auto named = seats.find(seat);
       players.push_back(named == seats.end() ? other : named->second);
       if (players.back().empty())
-        return bad("seat " + std::to_string(seat) + " of " + std::to_string(num_agents) +
-                   " has no player; add --seat " + std::to_string(seat) +
-                   "=PLAYER, or --policy PLAYER for all seats that are not named");
+        return bad(
+            fmt::format("seat {} of {} has no player; add --seat {}=PLAYER, or --policy PLAYER for all seats "
+                        "that are not named",
+                        seat, num_agents, seat));
     }
     teams.push_back(make_team(std::move(players)));
   }

@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <netdb.h>
+#include <spdlog/fmt/fmt.h>
 #include <sys/socket.h>
 
 #include <charconv>
@@ -68,9 +69,9 @@ std::vector<std::string> join_words(const RunConfig& config) {
   std::vector<std::string> words = {"join", "-", "--leave_with_input", "--progress_interval=600"};
   if (config.hosts.insecure_network) words.emplace_back("--insecure_network");
   if (!config.hosts.host_keys.empty()) words.push_back("--keys=" + config.hosts.host_keys);
-  words.push_back("--link_buffer_mb=" + std::to_string(config.hosts.link_buffer_mb));
+  words.push_back(fmt::format("--link_buffer_mb={}", config.hosts.link_buffer_mb));
   if (config.hosts.link_datagram_bytes > 0)
-    words.push_back("--link_datagram_bytes=" + std::to_string(config.hosts.link_datagram_bytes));
+    words.push_back(fmt::format("--link_datagram_bytes={}", config.hosts.link_datagram_bytes));
   return words;
 }
 
@@ -121,9 +122,8 @@ std::vector<HostStart> ssh_calls(const std::string& hosts, const std::vector<std
   for (const std::string& host : parts_of(hosts, ','))
     calls.push_back(
         {.name = "host " + host,
-         .command = {"ssh", "-T", "-o", "BatchMode=yes", "-o",
-                     "ConnectTimeout=" + std::to_string(kSshTimeoutS), "-o", "ServerAliveInterval=15", "-o",
-                     "ServerAliveCountMax=4", "--", host, command}});
+         .command = {"ssh", "-T", "-o", "BatchMode=yes", "-o", fmt::format("ConnectTimeout={}", kSshTimeoutS),
+                     "-o", "ServerAliveInterval=15", "-o", "ServerAliveCountMax=4", "--", host, command}});
   return calls;
 }
 
@@ -142,10 +142,10 @@ std::vector<HostStart> host_calls(const RunConfig& config, const Variable& varia
   if (nodes > 1) {
     const std::string own = own_node(variable);
     command.insert(command.end(),
-                   {"--nodes=" + std::to_string(nodes - 1), "--ntasks=" + std::to_string(nodes - 1),
+                   {fmt::format("--nodes={}", nodes - 1), fmt::format("--ntasks={}", nodes - 1),
                     "--ntasks-per-node=1", "--exclude=" + own});
   } else {
-    command.insert(command.end(), {"--nodes=1", "--ntasks=" + std::to_string(tasks - 1)});
+    command.insert(command.end(), {"--nodes=1", fmt::format("--ntasks={}", tasks - 1)});
   }
   if (const std::string cpus = variable("SLURM_CPUS_PER_TASK"); !cpus.empty())
     command.push_back("--cpus-per-task=" + cpus);

@@ -1,5 +1,7 @@
 #include "deploy/hosts/run_offer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
@@ -134,7 +136,7 @@ Status make_offer(const std::string& run_dir, const RunConfig& config, const std
     COMRAD_TRY_ASSIGN(LayoutList list, read_layout_list(run_dir));
     list.interestingness_graph.clear();
     for (std::size_t index = 0; index < list.layouts.size(); ++index) {
-      const std::string name = "layouts/" + std::to_string(index) + ".wad";
+      const std::string name = fmt::format("layouts/{}.wad", index);
       COMRAD_TRY(add_file(offer, name, list.layouts[index].path));
       list.layouts[index].path = name;
     }

@@ -1,5 +1,7 @@
 #include "deploy/hosts/serving.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "deploy/hosts/host_calls.h"
 #include "deploy/hosts/run_offer.h"
 #include "rollout_buffer/dds/bus_config.h"
@@ -28,8 +30,8 @@ Status prepare_serving(RunConfig& config, const std::string& key_folder) {
       link::serving_config(1, link::link_options(config.hosts, link::kLoopback, key_folder)));
 }
 
-Expected<std::string> open_door(const std::string& run_dir, const RunConfig& config,
-                                const std::string& iwad) {
+Expected<std::string> open_join_endpoint(const std::string& run_dir, const RunConfig& config,
+                                         const std::string& iwad) {
   link::LinkAddress address;
   COMRAD_TRY_ASSIGN(address.link_id, link::keep_link_id(run_dir));
   COMRAD_TRY_ASSIGN(address.host, link::address_of_interface(config.hosts.interface));
@@ -42,15 +44,15 @@ Expected<std::string> open_door(const std::string& run_dir, const RunConfig& con
 HostStart own_simulators(const RunConfig& config, const std::string& run_dir, const std::string& program) {
   return {.name = "this host's simulators",
           .command = {program, "join", "-", "--leave_with_input", "--link=dds",
-                      "--num_workers=" + std::to_string(config.collection.num_workers),
+                      fmt::format("--num_workers={}", config.collection.num_workers),
                       "--set_workers_cpu_affinity=" +
                           std::string(config.collection.set_workers_cpu_affinity ? "True" : "False"),
-                      "--link_buffer_mb=" + std::to_string(config.hosts.link_buffer_mb),
+                      fmt::format("--link_buffer_mb={}", config.hosts.link_buffer_mb),
                       "--train_dir=" + run_dir, "--experiment=simulators", "--progress_interval=600"},
           .is_needed = true};
 }
 
-std::string door_note(const std::string& address, const RunConfig& config) {
+std::string join_note(const std::string& address, const RunConfig& config) {
   return "other hosts join with: comrad join " + address +
          (config.hosts.insecure_network ? " --insecure_network" : "") +
          (dds::is_loopback(config.hosts.interface) ? " (from this host: the link is on loopback)" : "");

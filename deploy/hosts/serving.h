@@ -17,12 +17,13 @@ Status prepare_serving(RunConfig& config, const std::string& key_folder);
 
 /// Writes what the receiver needs into the run's folder: the link's id and address, and the offer. Returns the address for
 /// `comrad join`. Errors: those of make_offer(), keep_link_id(), address_of_interface().
-Expected<std::string> open_door(const std::string& run_dir, const RunConfig& config, const std::string& iwad);
+Expected<std::string> open_join_endpoint(const std::string& run_dir, const RunConfig& config,
+                                         const std::string& iwad);
 
 /// Starts the simulators of a run with --link dds: a run in its folder that joins it.
 HostStart own_simulators(const RunConfig& config, const std::string& run_dir, const std::string& program);
 
 /// The message about how other hosts join.
-std::string door_note(const std::string& address, const RunConfig& config);
+std::string join_note(const std::string& address, const RunConfig& config);
 
 }  // namespace comrad::deploy

@@ -1,5 +1,6 @@
 #include "deploy/launch/control_socket.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <sys/random.h>
 #include <unistd.h>
 
@@ -35,8 +36,7 @@ std::string refusal(int client) {
   const Peer peer = peer_of(client);
   if (peer.user == static_cast<int64_t>(geteuid()) || peer.user == 0) return "";
   spdlog::info("user {} (pid {}) connected to the run's control socket and was refused", peer.user, peer.pid);
-  return refused("the run belongs to user " + std::to_string(geteuid()) + ", you are user " +
-                 std::to_string(peer.user));
+  return refused(fmt::format("the run belongs to user {}, you are user {}", geteuid(), peer.user));
 }
 
 }  // namespace
@@ -50,7 +50,7 @@ ControlAddress make_control_address() {
 }
 
 Status write_control_address(int lock, const ControlAddress& address) {
-  const std::string text = std::to_string(address.pid) + "\n" + address.socket + "\n" + address.host + "\n";
+  const std::string text = fmt::format("{}\n{}\n{}\n", address.pid, address.socket, address.host);
   if (ftruncate(lock, 0) != 0 ||
       pwrite(lock, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size()))
     return system_error("the run's lock file");

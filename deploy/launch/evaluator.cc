@@ -1,5 +1,7 @@
 #include "deploy/launch/evaluator.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <signal.h>
 
 #include <algorithm>
@@ -199,10 +201,10 @@ Expected<std::string> Evaluator::record() {
   const std::string score = score_text(values.front().second);
   last_text_ = "eval J " + score + " at " + count_text(static_cast<double>(snapshot.env_frames));
   const bool has_interval = values[1].first == std::string("eval/J_ci95");
-  return "evaluated " + at_text(snapshot) + ": J " + score +
-         (has_interval ? " +- " + score_text(values[1].second) : "") + " over " +
-         std::to_string(plan_.config.run.eval_episodes) + " greedy episodes on " +
-         (plan_.config.run.eval_maps == EvalMaps::kTrain ? "the run's" : "held-out") + " maps";
+  return fmt::format("evaluated {}: J {}{} over {} greedy episodes on {} maps", at_text(snapshot), score,
+                     (has_interval ? " +- " + score_text(values[1].second) : ""),
+                     plan_.config.run.eval_episodes,
+                     (plan_.config.run.eval_maps == EvalMaps::kTrain ? "the run's" : "held-out"));
 }
 
 void Evaluator::stop(int signal) {

@@ -59,7 +59,7 @@ void HostTeam::call(Host& host, double now_s, std::vector<std::string>& words) {
     return;
   }
   host.process = std::move(*process);
-  host.process->tell(plan_.door_address + "\n");
+  host.process->write_input(plan_.join_address + "\n");
   spdlog::info("called {} (pid {})", host.start->name, host.process->pid());
 }
 

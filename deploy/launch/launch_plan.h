@@ -65,7 +65,7 @@ struct LaunchPlan {
   RestartLimits restarts;
   double join_timeout_s = 120 * patience();  ///< a worker that has not joined by then is stuck
   std::vector<HostStart> hosts = {};         ///< are made to join once the run is at work
-  std::string door_address = {};             ///< the address they join
+  std::string join_address = {};             ///< the address they join
   bool leaves_with_input = false;            ///< the end of the standard input ends the run, as SIGTERM does
   double patience_s = 300;                   ///< kFeeding: how long the learner's host may be silent
   bool simulators_join =

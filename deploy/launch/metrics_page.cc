@@ -1,5 +1,7 @@
 #include "deploy/launch/metrics_page.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cstdio>
 #include <utility>
 #include <vector>
@@ -137,8 +139,8 @@ std::string metrics_text(const RunSnapshot& run) {
 HttpRules metrics_rules(std::function<std::string()> page) {
   return {.answer = [page = std::move(page)](const HttpRequest& request) -> HttpReply {
     if (request.method != "GET" && request.method != "HEAD")
-      return {.status = 405, .body = "ask for GET /metrics\n"};
-    if (request.path != "/metrics") return {.status = 404, .body = "ask for /metrics\n"};
+      return {.status = 405, .body = "request GET /metrics\n"};
+    if (request.path != "/metrics") return {.status = 404, .body = "request /metrics\n"};
     return {.type = "text/plain; version=0.0.4; charset=utf-8", .body = page()};
   }};
 }
@@ -152,8 +154,8 @@ Status check_metrics_port(int64_t port) {
 Expected<MetricsPage> MetricsPage::open(int port, std::function<std::string()> page) {
   Expected<HttpServer> server = HttpServer::open("127.0.0.1", port, metrics_rules(std::move(page)));
   if (server) return MetricsPage(std::move(server).value());
-  return Error{server.error().code, "--metrics_port " + std::to_string(port) + ": " + server.error().message +
-                                        "; choose another, or 0 for none"};
+  return Error{server.error().code, fmt::format("--metrics_port {}: {}; choose another, or 0 for none", port,
+                                                server.error().message)};
 }
 
 }  // namespace comrad::deploy

@@ -1,5 +1,7 @@
 #include "deploy/launch/progress.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/ioctl.h>
@@ -66,7 +68,7 @@ std::string duration_text(double seconds) {
 std::string training_line(const TrainingProgress& p) {
   std::string text;
   if (p.replay_filled < 1)
-    text = "filling the replay, " + std::to_string(static_cast<int>(100 * p.replay_filled)) + " % | ";
+    text = fmt::format("filling the replay, {} % | ", static_cast<int>(100 * p.replay_filled));
   text += count_text(p.env_frames);
   if (p.env_frames_total > 0) {
     text += "/" + count_text(p.env_frames_total) + " env frames" +
@@ -97,7 +99,7 @@ ProgressPrinter::ProgressPrinter(int descriptor, bool show)
   // A plain file never blocks for long and would be written from its beginning.
   struct stat kind {};
   if (fstat(descriptor, &kind) != 0 || !(S_ISFIFO(kind.st_mode) || S_ISCHR(kind.st_mode))) return;
-  const std::string path = "/proc/self/fd/" + std::to_string(descriptor);
+  const std::string path = fmt::format("/proc/self/fd/{}", descriptor);
   own_descriptor_ = open(path.c_str(), O_WRONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
 }
 
@@ -140,8 +142,8 @@ void ProgressPrinter::put(const std::string& text) {
   }
   rest_ = text;
   if (dropped_ > 0)
-    rest_ = "(" + std::to_string(std::exchange(dropped_, 0)) +
-            " lines dropped: the terminal did not read them)\n" + text;
+    rest_ = fmt::format("({} lines dropped: the terminal did not read them)\n{}", std::exchange(dropped_, 0),
+                        text);
   write_some(rest_);
 }
 

@@ -1,5 +1,7 @@
 #include "deploy/launch/rate_meter.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -144,7 +146,7 @@ std::string RateMeter::going_back_text() const {
   if (goings_back_ == 0) return "";
   return "learner went back " + count_text(static_cast<double>(env_frames_lost_)) +
          " env frames to its last checkpoint" +
-         (goings_back_ > 1 ? ", in " + std::to_string(goings_back_) + " restarts" : "");
+         (goings_back_ > 1 ? fmt::format(", in {} restarts", goings_back_) : "");
 }
 
 std::string RateMeter::unsaved_text() const {
@@ -159,9 +161,9 @@ std::string RateMeter::unsaved_text() const {
 std::string RateMeter::limit_reached() const {
   const RunConfig& config = plan_.config;
   if (static_cast<double>(env_frames()) >= config.run.train_for_env_frames)
-    return " (--train_for_env_frames " + std::to_string(std::llround(config.run.train_for_env_frames)) + ")";
+    return fmt::format(" (--train_for_env_frames {})", std::llround(config.run.train_for_env_frames));
   if (config.run.train_for_seconds > 0)
-    return " (--train_for_seconds " + std::to_string(std::llround(config.run.train_for_seconds)) + ")";
+    return fmt::format(" (--train_for_seconds {})", std::llround(config.run.train_for_seconds));
   return "";
 }
 

@@ -1,5 +1,7 @@
 #include "deploy/launch/run_accounts.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <utility>
 #include <vector>
 
@@ -11,7 +13,7 @@ namespace comrad::deploy {
 std::string DecisionAccounts::text(const char* done) const {
   std::vector<std::string> parts;
   const auto add = [&parts](uint64_t count, const char* words) {
-    if (count > 0) parts.push_back(std::to_string(count) + " " + words);
+    if (count > 0) parts.push_back(fmt::format("{} {}", count, words));
   };
   add(lost_with_simulators, "lost with simulators");
   add(lost_with_learners, "lost with the learner");
@@ -19,8 +21,8 @@ std::string DecisionAccounts::text(const char* done) const {
   add(lost_on_the_way, "lost on the way to a run that began anew");
   add(waiting, "wait");
   add(left, "left at the end");
-  std::string text = "of " + std::to_string(made) + " decisions made " + std::to_string(trained) + " " + done;
-  if (forgotten > 0) text += " (" + std::to_string(forgotten) + " of them forgotten)";
+  std::string text = fmt::format("of {} decisions made {} {}", made, trained, done);
+  if (forgotten > 0) text += fmt::format(" ({} of them forgotten)", forgotten);
   return parts.empty() ? text : text + ", " + joined(parts);
 }
 
@@ -43,8 +45,8 @@ uint64_t RunAccounts::learner_ended(uint64_t trained) {
   const uint64_t taken = arena_->accounts().counts().taken;
   const uint64_t known = trained - trained_before_ + lost_with_learners_;
   if (known > taken) {
-    fault_ = "the accounts do not add up: the learner counted " + std::to_string(known) +
-             " decisions, the arena gave it " + std::to_string(taken);
+    fault_ = fmt::format("the accounts do not add up: the learner counted {} decisions, the arena gave it {}",
+                         known, taken);
     return 0;
   }
   lost_with_learners_ += taken - known;

@@ -1,5 +1,7 @@
 #include "deploy/launch/run_directory.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -60,7 +62,7 @@ Expected<int> lock_folder(const std::string& folder) {
       struct stat locked {
       }, named{};
       if (fstat(lock, &locked) == 0 && stat(path.c_str(), &named) == 0 && locked.st_ino == named.st_ino) {
-        const std::string pid = std::to_string(getpid()) + "\n";
+        const std::string pid = fmt::format("{}\n", getpid());
         if (ftruncate(lock, 0) != 0 ||
             pwrite(lock, pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size())) {
           const Error failed = file_error(path, errno);
@@ -77,9 +79,9 @@ Expected<int> lock_folder(const std::string& folder) {
     close(lock);
     if (code != EWOULDBLOCK) return file_error("cannot lock " + path, code);
     if (is_alive(owner)) {
-      return Error{ErrorCode::kBadInput,
-                   "run directory " + folder + " is used by a live run (pid " + std::to_string(owner) +
-                       "); stop that one or choose another --experiment or --train_dir"};
+      return Error{ErrorCode::kBadInput, fmt::format("run directory {} is used by a live run (pid {}); stop "
+                                                     "that one or choose another --experiment or --train_dir",
+                                                     folder, owner)};
     }
     if (monotonic_s() > give_up_s) {
       return Error{ErrorCode::kBadInput,
@@ -151,14 +153,14 @@ Expected<RunDirectory> RunDirectory::open_new(const std::string& train_dir, cons
   fs::create_directories(train_dir, failed);
   if (failed) return file_error("cannot make " + train_dir, failed.value());
   for (int number = 1; number <= kMaxRunsOfAName; ++number) {
-    const std::string experiment = number == 1 ? name : name + "_" + std::to_string(number);
+    const std::string experiment = number == 1 ? name : fmt::format("{}_{}", name, number);
     const std::string path = (fs::path(train_dir) / experiment).string();
     // One of several starts makes the folder; the others see that it is there.
     if (mkdir(path.c_str(), 0777) == 0) return open(train_dir, experiment, RestartBehavior::kResume);
     if (errno != EEXIST) return file_error("cannot make run directory " + path, errno);
   }
-  return Error{ErrorCode::kBadInput, train_dir + "/" + name + ": " + std::to_string(kMaxRunsOfAName) +
-                                         " runs of this name exist; choose an --experiment"};
+  return Error{ErrorCode::kBadInput, fmt::format("{}/{}: {} runs of this name exist; choose an --experiment",
+                                                 train_dir, name, kMaxRunsOfAName)};
 }
 
 RunDirectory::RunDirectory(RunDirectory&& other) noexcept

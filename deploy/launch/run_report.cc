@@ -1,5 +1,7 @@
 #include "deploy/launch/run_report.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -27,7 +29,7 @@ std::string rates_text(double decisions_per_s, int64_t frame_skip) {
 std::string RunReport::evaluation_line() const {
   std::string text;
   if (plan_.episodes > 0) {
-    text = "episodes " + std::to_string(meter_.episodes().size()) + "/" + std::to_string(plan_.episodes);
+    text = fmt::format("episodes {}/{}", meter_.episodes().size(), plan_.episodes);
     if (!meter_.episodes().empty()) text += " | J " + score_text(meter_.episode_score_mean());
     text += " | " + film_text();
   }
@@ -86,7 +88,7 @@ std::string RunReport::hosts_text() const {
   if (!plan_.serves()) return "";
   const std::vector<link::FeederRecord> guests = link::all_guests(plan_.run_dir);
   const auto here = std::ranges::count_if(guests, &link::FeederRecord::is_here);
-  return here == 1 ? "1 host feeds" : std::to_string(here) + " hosts feed";
+  return here == 1 ? "1 host feeds" : fmt::format("{} hosts feed", here);
 }
 
 RunStatus RunReport::status(const std::string& state, const std::string& message) const {

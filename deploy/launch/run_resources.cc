@@ -1,5 +1,7 @@
 #include "deploy/launch/run_resources.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <poll.h>
 #include <sys/random.h>
 #include <unistd.h>
@@ -43,7 +45,7 @@ Status RunResources::open() {
   COMRAD_TRY_ASSIGN(shm::ArenaServer server, shm::ArenaServer::listen(name, *arena_));
   server_.emplace(std::move(server));
   COMRAD_TRY_ASSIGN(bus_, dds::Bus::open(dds::bus_config_for_run(run_id)));
-  tell(desired("running"));
+  publish(desired("running"));
   spdlog::info("run {} in {}: arena of {:.1f} MB, {} slabs", name, plan_.run_dir,
                static_cast<double>(shm::Arena::size_bytes(shape)) * 1e-6, shape.slab_count);
   return {};
@@ -59,9 +61,9 @@ std::optional<shm::JoinRequest> RunResources::next_join() {
 }
 
 void RunResources::set_run_state(shm::RunState state) {
-  tell(desired(state == shm::RunState::kStopping ? "stopping"
-               : state == shm::RunState::kPaused ? "paused"
-                                                 : "running"));
+  publish(desired(state == shm::RunState::kStopping ? "stopping"
+                  : state == shm::RunState::kPaused ? "paused"
+                                                    : "running"));
   shm::ControlBlock& control = arena_->control();
   control.run_state.store(state, std::memory_order_release);
   shm::ring(control.run_state_changed);
@@ -84,44 +86,45 @@ void RunResources::note(const std::string& text) {
 void RunResources::drain_episodes(RateMeter& meter) {
   while (const std::optional<EpisodeRecord> record =
              arena_->episodes().read(shm::EpisodeReader::kSupervisor)) {
-    tell(dds::EpisodeResult{.scenario = plan_.config.run.scenario, .record = *record});
+    publish(dds::EpisodeResult{.scenario = plan_.config.run.scenario, .record = *record});
     if (record->episode_id < plan_.episodes) meter.add(*record);
   }
   if (const uint64_t lost = arena_->episodes().lost(shm::EpisodeReader::kSupervisor); lost > episodes_lost_) {
     episodes_lost_ = lost;
-    note(std::to_string(lost) + " episode records were lost: the supervisor was held up");
+    note(fmt::format("{} episode records were lost: the supervisor was held up", lost));
   }
 }
 
-void RunResources::tell_of_workers(const std::vector<Worker>& workers, const std::string& state) {
+void RunResources::publish_workers(const std::vector<Worker>& workers, const std::string& state) {
   static const std::string host = host_name();
   const double now_s = clock_.now_s();
-  const double elapsed_s = workers_told_s_ > 0 ? now_s - workers_told_s_ : 0;
-  workers_told_s_ = now_s;
-  decisions_told_.resize(static_cast<std::size_t>(arena_->shape().sim_worker_count));
-  tell(dds::WorkerStatus{.worker_id = "supervisor",
-                         .host = host,
-                         .pid = getpid(),
-                         .role = "supervisor",
-                         .state = state,
-                         .decisions_per_s = 0,
-                         .message = plan_.run_dir});
+  const double elapsed_s = workers_published_s_ > 0 ? now_s - workers_published_s_ : 0;
+  workers_published_s_ = now_s;
+  decisions_published_.resize(static_cast<std::size_t>(arena_->shape().sim_worker_count));
+  publish(dds::WorkerStatus{.worker_id = "supervisor",
+                            .host = host,
+                            .pid = getpid(),
+                            .role = "supervisor",
+                            .state = state,
+                            .decisions_per_s = 0,
+                            .message = plan_.run_dir});
   for (const Worker& worker : workers) {
     if (worker.role != Role::kSim) continue;
     const uint64_t count = counters_of(worker, *arena_).decisions.load(std::memory_order_relaxed);
-    const uint64_t before = std::exchange(decisions_told_[static_cast<std::size_t>(worker.index)], count);
+    const uint64_t before =
+        std::exchange(decisions_published_[static_cast<std::size_t>(worker.index)], count);
     const std::string gone = state == "stopping" ? state : "failed";
-    tell(dds::WorkerStatus{.worker_id = worker.name,
-                           .host = host,
-                           .pid = worker.process ? worker.process->pid() : 0,
-                           .role = "sim",
-                           .state = !worker.process      ? gone
-                                    : !worker.has_joined ? "starting"
-                                                         : state,
-                           .decisions_per_s = elapsed_s > 0 && count >= before
-                                                  ? static_cast<double>(count - before) / elapsed_s
-                                                  : 0,
-                           .message = worker.last_line});
+    publish(dds::WorkerStatus{.worker_id = worker.name,
+                              .host = host,
+                              .pid = worker.process ? worker.process->pid() : 0,
+                              .role = "sim",
+                              .state = !worker.process      ? gone
+                                       : !worker.has_joined ? "starting"
+                                                            : state,
+                              .decisions_per_s = elapsed_s > 0 && count >= before
+                                                     ? static_cast<double>(count - before) / elapsed_s
+                                                     : 0,
+                              .message = worker.last_line});
   }
 }
 

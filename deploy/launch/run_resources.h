@@ -50,10 +50,10 @@ class RunResources final : public RunEffects {
   void drain_episodes(RateMeter& meter);
   /// Publishes the state of the supervisor (`state`) and of its simulators; the other workers report
   /// themselves.
-  void tell_of_workers(const std::vector<Worker>& workers, const std::string& state);
+  void publish_workers(const std::vector<Worker>& workers, const std::string& state);
   /// One message for monitors.
   template <typename Message>
-  void tell(const Message& message) {
+  void publish(const Message& message) {
     warn_once(bus_->write(message));
   }
   /// A bus or a status file that fails is no reason to stop training, and one line about it is enough.
@@ -68,8 +68,8 @@ class RunResources final : public RunEffects {
   std::optional<dds::Bus> bus_;
   bool has_warned_ = false;
   uint64_t episodes_lost_ = 0;
-  double workers_told_s_ = 0;
-  std::vector<uint64_t> decisions_told_;  // by simulator, at that time
+  double workers_published_s_ = 0;
+  std::vector<uint64_t> decisions_published_;  // by simulator, at that time
 };
 
 }  // namespace comrad::deploy

@@ -1,5 +1,7 @@
 #include "deploy/launch/run_snapshot.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,7 +19,7 @@ namespace {
 using nlohmann::ordered_json;
 
 uint64_t resident_bytes_of(pid_t pid) {
-  std::ifstream file("/proc/" + std::to_string(pid) + "/statm");
+  std::ifstream file(fmt::format("/proc/{}/statm", pid));
   uint64_t pages = 0, resident_pages = 0;
   return file >> pages >> resident_pages ? resident_pages * static_cast<uint64_t>(getpagesize()) : 0;
 }

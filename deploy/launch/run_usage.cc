@@ -1,5 +1,7 @@
 #include "deploy/launch/run_usage.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -44,7 +46,7 @@ std::vector<double> core_seconds(std::string_view proc_stat, std::span<const int
     double user = 0, nice = 0, system = 0, idle = 0, iowait = 0, irq = 0, softirq = 0;
     if (!(words >> name >> user >> nice >> system >> idle >> iowait >> irq >> softirq)) continue;
     for (std::size_t i = 0; i < cpus.size(); ++i)
-      if (name == "cpu" + std::to_string(cpus[i]))
+      if (name == fmt::format("cpu{}", cpus[i]))
         seconds[i] = (user + nice + system + irq + softirq) / ticks_per_s();
   }
   return seconds;

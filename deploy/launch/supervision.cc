@@ -1,5 +1,7 @@
 #include "deploy/launch/supervision.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <signal.h>
 
 #include <algorithm>
@@ -89,9 +91,9 @@ void Supervision::died(Worker& worker, const ExitStatus& how, const std::string&
   const std::optional<double> delay_s =
       worker.history.next_delay_s(now_s, has_worked(worker, effects_.arena()));
   if (!delay_s)
-    return fail({ErrorCode::kPeerLost, worker.name + " died " + std::to_string(plan_.restarts.deaths) +
-                                           " times and is given up (" + how.text() + "); " + said + " (see " +
-                                           workers_.log_path(worker) + ")"});
+    return fail({ErrorCode::kPeerLost,
+                 fmt::format("{} died {} times and is given up ({}); {} (see {})", worker.name,
+                             plan_.restarts.deaths, how.text(), said, workers_.log_path(worker))});
   worker.restart_at_s = now_s + *delay_s;
   char delay[32];
   std::snprintf(delay, sizeof delay, "%.1f s", *delay_s);
@@ -103,7 +105,7 @@ void Supervision::died(Worker& worker, const ExitStatus& how, const std::string&
            ? "; the memory limit of the control group was reached: raise it, or lower --num_workers, "
              "--num_envs_per_worker, --trajectory_slabs or --replay_gb"
            : "") +
-      (lost > 0 ? "; " + std::to_string(lost) + " decisions lost" : "") +
+      (lost > 0 ? fmt::format("; {} decisions lost", lost) : "") +
       (worker.role == Role::kLearner && plan_.trains() ? "; training continues from the last checkpoint"
                                                        : ""));
   // Lock step must not depend on which worker died when: all go back to the last checkpoint together.
@@ -136,7 +138,7 @@ void Supervision::restart_due() {
     if (worker.restart_at_s == 0 || clock_.now_s() < worker.restart_at_s) continue;
     if (worker.is_unreclaimed) {
       if (const uint64_t lost = reclaim(worker); lost > 0)
-        effects_.note(worker.name + ": " + std::to_string(lost) + " decisions lost");
+        effects_.note(fmt::format("{}: {} decisions lost", worker.name, lost));
       if (worker.is_unreclaimed) continue;
     }
     if (Status started = workers_.start(worker, effects_.arena(), effects_.socket_name()); !started)

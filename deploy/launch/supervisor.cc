@@ -1,5 +1,7 @@
 #include "deploy/launch/supervisor.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <poll.h>
 #include <signal.h>
 #include <unistd.h>
@@ -192,7 +194,7 @@ void Supervisor::take_news() {
   if (!resources_.is_open()) return;
   resources_.drain_episodes(supervision_.meter());
   if (const std::optional<dds::TrainStats> stats = supervision_.meter().take_report())
-    resources_.tell(*stats);
+    resources_.publish(*stats);
 }
 
 void Supervisor::report() {
@@ -207,7 +209,7 @@ void Supervisor::report() {
     return (phase == RunPhase::kPaused ? "paused | " : "") + report_.progress_line();
   };
   if (worker_status_timer_.is_due(now_s, kWorkerStatusIntervalS))
-    resources_.tell_of_workers(supervision_.workers().workers(), phase_word());
+    resources_.publish_workers(supervision_.workers().workers(), phase_word());
   if (status_timer_.is_due(now_s, kStatusIntervalS))
     resources_.warn_once(write_status(plan_.run_dir, report_.status(is_over(phase) ? "running" : phase_word(),
                                                                     is_over(phase) ? stop_line() : line())));
@@ -282,7 +284,7 @@ Expected<RunOutcome> Supervisor::finish() {
       ending.message, stopped_s - (meter.running_since_s() > 0 ? meter.running_since_s() : started_s_));
   outcome.accounts = meter.accounts();
   outcome.restarts = static_cast<uint32_t>(ending.restarts);
-  if (outcome.restarts > 0) outcome.message += "; " + std::to_string(outcome.restarts) + " restarts";
+  if (outcome.restarts > 0) outcome.message += fmt::format("; {} restarts", outcome.restarts);
   if (plan_.drains() && (outcome.restarts > 0 || plan_.serves() || plan_.feeds()))
     outcome.message += (outcome.restarts > 0 ? ": " : "; ") +
                        outcome.accounts.text(plan_.feeds() ? "were delivered" : "were trained on");

@@ -1,5 +1,7 @@
 #include "deploy/launch/worker_table.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <signal.h>
 
 #include <algorithm>
@@ -64,7 +66,7 @@ WorkerTable::WorkerTable(const LaunchPlan& plan, const Clock& clock, ProcessHost
       worker.role = role;
       worker.index = i;
       worker.name = kind_of(worker).word;
-      if (!is_single(role)) worker.name += "-" + std::to_string(i);
+      if (!is_single(role)) worker.name += fmt::format("-{}", i);
       worker.history = RestartHistory(plan.restarts);
     }
   };
@@ -220,8 +222,7 @@ std::string WorkerTable::joined_text() const {
     const auto expected = std::ranges::count_if(workers_, is_of_role);
     const auto here = std::ranges::count_if(
         workers_, [&](const Worker& worker) { return is_of_role(worker) && worker.has_joined; });
-    if (expected > 0)
-      parts.push_back(std::to_string(here) + "/" + std::to_string(expected) + " " + name_of(role));
+    if (expected > 0) parts.push_back(fmt::format("{}/{} {}", here, expected, name_of(role)));
   }
   return joined(parts);
 }
@@ -265,7 +266,7 @@ std::vector<std::pair<Worker*, ExitStatus>> WorkerTable::reap_exited(bool is_sto
     if (!worker.process) continue;
     if (!is_stopping && !worker.has_joined && clock_.now_s() - worker.started_s > plan_.join_timeout_s) {
       worker.last_line =
-          "did not join the run within " + std::to_string(static_cast<int>(plan_.join_timeout_s)) + " s";
+          fmt::format("did not join the run within {} s", static_cast<int>(plan_.join_timeout_s));
       worker.process->send_signal(SIGKILL);
     }
     if (const std::optional<ExitStatus>& how = worker.process->poll_exit()) {
@@ -323,7 +324,7 @@ std::string WorkerTable::last_words(const Worker& worker) const {
 }
 
 std::string WorkerTable::log_path(const Worker& worker) const {
-  return plan_.run_dir + "/logs/" + kind_of(worker).word + "-" + std::to_string(worker.index) + ".log";
+  return fmt::format("{}/logs/{}-{}.log", plan_.run_dir, kind_of(worker).word, worker.index);
 }
 
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) {

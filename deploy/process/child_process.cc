@@ -1,5 +1,7 @@
 #include "deploy/process/child_process.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -37,8 +39,8 @@ std::string stat_of(const std::string& folder) {
 }  // namespace
 
 std::string ExitStatus::text() const {
-  if (signal == 0) return "exit code " + std::to_string(code);
-  return "killed by signal " + std::to_string(signal) + " (" + strsignal(signal) + ")";
+  if (signal == 0) return fmt::format("exit code {}", code);
+  return fmt::format("killed by signal {} ({})", signal, strsignal(signal));
 }
 
 Expected<ChildProcess> ChildProcess::spawn(const ChildOptions& options) {
@@ -130,13 +132,13 @@ const std::optional<ExitStatus>& ChildProcess::poll_exit() {
 }
 
 bool ChildProcess::is_stopped() const {
-  const std::string stat = stat_of("/proc/" + std::to_string(pid_));
+  const std::string stat = stat_of(fmt::format("/proc/{}", pid_));
   return stat.starts_with('T') || stat.starts_with('t');
 }
 
 bool ChildProcess::is_at_work() const {
   std::error_code ended;
-  for (std::filesystem::directory_iterator thread("/proc/" + std::to_string(pid_) + "/task", ended), end;
+  for (std::filesystem::directory_iterator thread(fmt::format("/proc/{}/task", pid_), ended), end;
        !ended && thread != end; thread.increment(ended)) {
     const std::string stat = stat_of(thread->path().string());
     if (stat.starts_with('R') || stat.starts_with('D')) return true;
@@ -150,7 +152,7 @@ void ChildProcess::send_signal(int signal) {
   if (pid_ > 0 && !exit_) kill(pid_, signal);
 }
 
-void ChildProcess::tell(const std::string& text) {
+void ChildProcess::write_input(const std::string& text) {
   if (input_.is_open()) (void)!write(input_.get(), text.data(), text.size());
 }
 

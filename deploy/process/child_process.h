@@ -32,7 +32,7 @@ class ChildProcess final : public Process {
   std::vector<std::string> read_lines() override;
   const std::optional<ExitStatus>& poll_exit() override;
   void send_signal(int signal) override;
-  void tell(const std::string& text) override;
+  void write_input(const std::string& text) override;
   void end_input() override { input_.close(); }
   double cpu_seconds() const override;
   bool is_stopped() const override;

@@ -1,5 +1,7 @@
 #include "deploy/process/child_program.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <poll.h>
 #include <sys/signalfd.h>
 #include <sys/wait.h>
@@ -109,7 +111,7 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
   result.exit_code = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
   if (timed_out)
     return Error{ErrorCode::kTimeout,
-                 command[0] + ": still running after " + std::to_string(static_cast<int>(timeout_s)) + " s"};
+                 fmt::format("{}: still running after {} s", command[0], static_cast<int>(timeout_s))};
   return result;
 }
 

@@ -81,18 +81,18 @@ HttpRequest readable(const Request& request) {
           .body = request.body()};
 }
 
-/// Why a request is not answered, whatever it asks for.
+/// Why a request is not answered, whatever its path.
 std::optional<HttpReply> refusal_of(const Request& request, const HttpRequest& read, const HttpRules& rules) {
   std::string_view host;
   const auto hosts = request.equal_range(http::field::host);
   for (auto field = hosts.first; field != hosts.second; ++field) {
     host = view_of(field->value());
-    if (!names_this_server(host, rules)) return words(403, "ask for 127.0.0.1 or localhost");
+    if (!names_this_server(host, rules)) return words(403, "request 127.0.0.1 or localhost");
   }
   const auto origins = request.equal_range(http::field::origin);
   for (auto field = origins.first; field != origins.second; ++field)
     if (view_of(field->value()) != "http://" + std::string(host))
-      return words(403, "a page of another origin asks; open the printed address instead");
+      return words(403, "the request comes from a page of another origin; open the printed address instead");
   if (!rules.token.empty() && !is_same_word(read.value("token"), rules.token))
     return words(403, "the token is missing or wrong; open the printed address, with its token");
   return std::nullopt;
@@ -344,7 +344,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   int messages_ = 0;
 };
 
-/// A descriptor of someone else's that is waited for.
+/// A foreign descriptor that is waited for.
 struct Listened {
   asio::posix::stream_descriptor descriptor;
   std::function<void()> readable;

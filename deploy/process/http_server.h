@@ -44,7 +44,7 @@ struct HttpReply {
 /// A WebSocket that is open; never used again.
 using SocketId = uint64_t;
 
-/// What is served, and to whom.
+/// What is served, and to which clients.
 struct HttpRules {
   std::string token = {};    ///< that each request's query must hold as `token`; empty: none is needed
   std::string address = {};  ///< beside 127.0.0.1, localhost and [::1] a Host that is not refused
@@ -58,7 +58,7 @@ struct HttpRules {
 /// The reply to a request's bytes, as the server sends it, with status 400 for what is no HTTP request. Threads: pure function.
 std::string http_answer(std::string_view bytes, const HttpRules& rules, const HttpLimits& limits = {});
 
-/// A random word that nobody guesses: 32 hexadecimal digits.
+/// A random word that cannot be guessed: 32 hexadecimal digits.
 std::string make_token();
 
 /// Threads: one. Functions of the rules are called within tick() and wait(); they may send() and close().

@@ -21,8 +21,8 @@ struct ChildOptions {
   int inherited_descriptor = -1;  ///< kept open in the child (the run directory's lock); -1: none
   int cpu = -1;                   ///< pinned to this core; -1: anywhere
   bool waits_its_turn = false;    ///< as of ProcessOptions
-  bool takes_input = false;       ///< its standard input is what Process::tell() writes; else /dev/null
-  int output = -1;                ///< where its standard output goes; -1: to us, as standard error does
+  bool takes_input = false;  ///< its standard input is what Process::write_input() writes; else /dev/null
+  int output = -1;           ///< where its standard output goes; -1: to us, as standard error does
 };
 
 /// How a child ended.
@@ -47,7 +47,7 @@ class Process {
   /// Sends a signal, unless it was reaped.
   virtual void send_signal(int signal) = 0;
   /// To its standard input, of one that takes input; and the end of that.
-  virtual void tell(const std::string& text) = 0;
+  virtual void write_input(const std::string& text) = 0;
   virtual void end_input() = 0;
   /// CPU time of it and its children until now; after poll_exit() saw its end, all that it took. 0 where it cannot be read.
   virtual double cpu_seconds() const = 0;

@@ -1,5 +1,7 @@
 #include "deploy/process/process_time.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <filesystem>
@@ -18,7 +20,7 @@ namespace fs = std::filesystem;
 constexpr int kMaxGenerations = 8;  // what /proc contains may change while it is read
 
 double seconds_of(pid_t pid, int generations) {
-  const fs::path folder = "/proc/" + std::to_string(pid);
+  const fs::path folder = fmt::format("/proc/{}", pid);
   double seconds = process_seconds(read_file((folder / "stat").string()).value_or(""));
   std::error_code ended;
   for (fs::directory_iterator thread(folder / "task", ended), last;

@@ -158,7 +158,7 @@ def experiments_of(runs: list[Run], options: Options) -> dict[str, dict[str, str
 
     Precision is one of them where runs were started with different ones, not where only machines chose differently."""
     free = NOT_LEARNED | options.ignore | (BUDGETS | {"train_for_seconds"} if options.at else set())
-    if len({run.told_precision for run in runs} - {""}) < 2:
+    if len({run.explicit_precision for run in runs} - {""}) < 2:
         free |= {"precision"}
     return {
         str(run.folder): {

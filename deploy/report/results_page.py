@@ -351,7 +351,7 @@ def each_run(kept: Kept) -> str:
 
 
 def scenario_section(scenario: str, rows: list[Row], random: np.ndarray | None, tests: int, command: str) -> str:
-    """What one scenario's page says of its kept runs."""
+    """What one scenario's page reports of its kept runs."""
     table = Table(["algorithm", "seed", "env frames", "precision", "J", "p", "minutes", ""], [])
     for row in rows:
         table.rows.append(

@@ -103,7 +103,7 @@ class Run:
         return self.settings["seed"]
 
     @property
-    def told_precision(self) -> str:
+    def explicit_precision(self) -> str:
         """The precision that this run was started with; empty where the machine chose it, and where config.toml does not report it."""
         explicit = self.settings.get("explicit", self.settings.get("asked_for"))  # asked_for: runs of older versions
         is_explicit = isinstance(explicit, dict) and "precision" not in explicit

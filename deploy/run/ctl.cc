@@ -1,5 +1,7 @@
 // `comrad ctl RUN ORDER`: sends an order to the supervisor of a live run, and waits until it is done.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -43,10 +45,11 @@ Expected<json> await(const LiveRun& run, double timeout_s, const std::string& wo
     COMRAD_TRY_ASSIGN(const json status, ask(run, {{"do", "status"}}));
     if (is_done(status)) return status;
     if (monotonic_s() > deadline_s)
-      return Error{ErrorCode::kTimeout, "run '" + run.name + "': " + words + " took more than " +
-                                            std::to_string(static_cast<int>(timeout_s)) +
-                                            " s (--timeout waits longer); comrad ctl " + run.name +
-                                            " status shows more"};
+      return Error{
+          ErrorCode::kTimeout,
+          fmt::format(
+              "run '{}': {} took more than {} s (--timeout waits longer); comrad ctl {} status shows more",
+              run.name, words, static_cast<int>(timeout_s), run.name)};
     usleep(kLookUs);
   }
 }

@@ -1,6 +1,8 @@
 // `comrad eval`: plays episodes, keyed by the evaluation seed, with trained, scripted or random players, alone or
 // together, through the same processes that training uses. Nothing is written into the runs that are looked at.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -89,10 +91,9 @@ Status write_positions(const std::string& path, const LaunchPlan& plan, const Js
   constexpr std::string_view kMark = "\"decisions\":";
   for (std::size_t at = text.find(kMark); at != std::string::npos; at = text.find(kMark, at + 1)) ++episodes;
   if (episodes != plan.episodes)
-    return Error{ErrorCode::kPeerLost,
-                 path + ": positions of " + std::to_string(episodes) + " of " +
-                     std::to_string(plan.episodes) +
-                     " episodes are there, because a simulator was started again; evaluate once more"};
+    return Error{ErrorCode::kPeerLost, fmt::format("{}: positions of {} of {} episodes are there, because a "
+                                                   "simulator was started again; evaluate once more",
+                                                   path, episodes, plan.episodes)};
   return write_file_atomically(path, text, /*durable=*/false);
 }
 

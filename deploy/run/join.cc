@@ -1,6 +1,7 @@
 // `comrad join ADDRESS`: connects to another host's run, fetches its maps and settings, and plays for its
 // learner with an arena, simulators and policy workers of this host.
 
+#include <spdlog/fmt/fmt.h>
 #include <sys/random.h>
 
 #include <algorithm>
@@ -113,11 +114,11 @@ Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
   Expected<link::Offer> offer = door.offer();
   if (!offer && offer.error().code == ErrorCode::kTimeout)
     return Error{ErrorCode::kTimeout,
-                 offer.error().message + " at " + address.host +
-                     ": is the run serving (`comrad serve RUN` on its host reports so), on the interface "
-                     "that leads here, and are UDP ports from " +
-                     std::to_string(dds::ports_of(link::joining_config(address, {})).first) +
-                     " on open in both directions? `comrad doctor --hosts` on that host measures the way"};
+                 fmt::format("{} at {}: is the run serving (`comrad serve RUN` on its host reports so), on "
+                             "the interface that leads here, and are UDP ports from {} on open in both "
+                             "directions? `comrad doctor --hosts` on that host measures the way",
+                             offer.error().message, address.host,
+                             dds::ports_of(link::joining_config(address, {})).first)};
   if (!offer) return Error{offer.error().code, "the run does not open: " + offer.error().message};
   COMRAD_TRY(compare_with(*offer, iwad));
   COMRAD_TRY_ASSIGN(RunDirectory directory, folder_for(own, *offer));

@@ -1,5 +1,7 @@
 #include "deploy/run/run_client.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <poll.h>
 #include <pwd.h>
@@ -76,9 +78,9 @@ Expected<LiveRun> find_live_run(const std::string& name, const std::string& trai
     return Error{ErrorCode::kBadInput,
                  "run '" + run.name + "' runs on host " + run.control.host + "; send the command there"};
   if (run.control.socket.empty())
-    return Error{ErrorCode::kBadInput,
-                 "run '" + run.name + "' (pid " + std::to_string(run.control.pid) +
-                     ") has no control socket: it is still starting, or another build of comrad runs it"};
+    return Error{ErrorCode::kBadInput, fmt::format("run '{}' (pid {}) has no control socket: it is still "
+                                                   "starting, or another build of comrad runs it",
+                                                   run.name, run.control.pid)};
   return run;
 }
 
@@ -102,9 +104,9 @@ Expected<json> ask(const LiveRun& run, const json& request, double timeout_s) {
     if (connected.error().code != ErrorCode::kNotFound) return connected.error();
     if (!is_held(run.dir)) return not_running(run);
     return Error{ErrorCode::kPeerLost,
-                 who + " (pid " + std::to_string(run.control.pid) +
-                     ") does not answer here: it is ending, or runs in another container or network "
-                     "namespace, and is asked there"};
+                 fmt::format("{} (pid {}) does not answer here: it is ending, or runs in another container "
+                             "or network namespace, and is asked there",
+                             who, run.control.pid)};
   }
   const Descriptor& socket = *connected;
   const Peer peer = peer_of(socket.get());
@@ -120,8 +122,9 @@ Expected<json> ask(const LiveRun& run, const json& request, double timeout_s) {
     pollfd readable{.fd = socket.get(), .events = POLLIN, .revents = 0};
     const double left_s = deadline_s - monotonic_s();
     if (left_s <= 0 || poll(&readable, 1, static_cast<int>(left_s * 1000) + 1) == 0)
-      return Error{ErrorCode::kTimeout, who + " (pid " + std::to_string(run.control.pid) +
-                                            ") does not answer; is its supervisor stopped (SIGSTOP)?"};
+      return Error{ErrorCode::kTimeout,
+                   fmt::format("{} (pid {}) does not answer; is its supervisor stopped (SIGSTOP)?", who,
+                               run.control.pid)};
     char bytes[16384];
     const ssize_t size = recv(socket.get(), bytes, sizeof bytes, MSG_DONTWAIT);
     if (size < 0 && (errno == EAGAIN || errno == EINTR)) continue;

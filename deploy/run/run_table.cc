@@ -1,5 +1,7 @@
 #include "deploy/run/run_table.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -103,9 +105,9 @@ std::vector<std::string> table_lines(const std::vector<TableColumn>& columns,
 std::vector<std::string> run_lines(const json& run, std::size_t width) {
   std::vector<std::string> lines;
   const double goal = number(run, "env_frames_goal"), frames = whole(run, "env_frames");
-  std::string head = text(run, "run") + ": " + text(run, "state") + " for " +
-                     duration_text(whole(run, "elapsed_s")) + " on " + text(run, "host") + " (pid " +
-                     std::to_string(static_cast<int64_t>(whole(run, "pid"))) + ")";
+  std::string head = fmt::format("{}: {} for {} on {} (pid {})", text(run, "run"), text(run, "state"),
+                                 duration_text(whole(run, "elapsed_s")), text(run, "host"),
+                                 static_cast<int64_t>(whole(run, "pid")));
   lines.push_back(head);
   std::string work = "  " + count_text(frames);
   if (goal > 0) work += "/" + count_text(goal) + formatted(" env frames (%.1f%%)", 100 * frames / goal);
@@ -129,7 +131,7 @@ std::vector<std::string> run_lines(const json& run, std::size_t width) {
         std::pair{"lost_with_learners", "lost with the learner"},
         std::pair{"lost_in_restarts", "lost in restarts"}, std::pair{"lost_on_the_way", "lost on the way"}})
     if (whole(account, key) > 0)
-      decisions += ", " + std::to_string(static_cast<int64_t>(whole(account, key))) + " " + words;
+      decisions += fmt::format(", {} {}", static_cast<int64_t>(whole(account, key)), words);
   lines.push_back(decisions + ", " + count(account, "waiting") + " on their way");
   const json& checkpoint = part(run, "checkpoint");
   std::string saved =

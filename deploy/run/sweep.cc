@@ -1,6 +1,8 @@
 // `comrad sweep`: many runs from one file. This source parses words and finds the sweep that they name; what a sweep is and
 // does lies in deploy/sweep.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <signal.h>
 #include <unistd.h>
 
@@ -167,7 +169,7 @@ int stop_command(Arguments arguments) {
     }
     const pid_t owner = found.folder.lock_owner();
     if (owner > 0 && kill(owner, SIGTERM) != 0)
-      return system_error("cannot signal pid " + std::to_string(owner));
+      return system_error(fmt::format("cannot signal pid {}", owner));
     if (owner == 0 && !signal_runs()) {
       std::fprintf(stderr, "nothing of %s runs on this host\n", found.folder.path().c_str());
       return kExitDone;

@@ -1,5 +1,7 @@
 // `comrad top`: the runs of this host that are alive, looked at again and again.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <termios.h>
@@ -111,7 +113,7 @@ std::vector<std::string> lines_of(const json& runs, const TopRequest& request, c
   if (size.rows > 1 && lines.size() >= size.rows) {
     const std::size_t kept = size.rows - 2, left = lines.size() - kept;
     lines.resize(kept);
-    lines.push_back(fitted("... " + std::to_string(left) + " more lines", size.columns));
+    lines.push_back(fitted(fmt::format("... {} more lines", left), size.columns));
   }
   return lines;
 }

@@ -1,6 +1,8 @@
 // `comrad train`: merges the settings, makes or resumes the run directory, makes the map once, and hands the
 // plan to the supervisor. Everything that can be refused is refused before the run directory is touched.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <cstdio>
@@ -44,8 +46,8 @@ std::string automatic_name(const RunConfig& config) {
   char date[32];
   std::strftime(date, sizeof(date), "%Y%m%d_%H%M%S", &local);
   const char* job = std::getenv("SLURM_JOB_ID");
-  return scenario_file_name(config) + "_" + upper_case(config.run.algo->name) + "_s" +
-         std::to_string(config.run.seed) + "_" + date + (job != nullptr ? std::string("_j") + job : "");
+  return fmt::format("{}_{}_s{}_{}{}", scenario_file_name(config), upper_case(config.run.algo->name),
+                     config.run.seed, date, (job != nullptr ? std::string("_j") + job : ""));
 }
 
 using ExplicitValues = std::vector<std::pair<std::string, std::string>>;
@@ -214,8 +216,8 @@ Expected<int> launch(const StartPlan& start, const RunDirectory& directory) {
   LaunchPlan plan;
   if (config.hosts.serve) {
     COMRAD_TRY(link::keep_keys(run_dir, start.keys));
-    COMRAD_TRY_ASSIGN(plan.door_address, open_door(run_dir, config, start.iwad));
-    std::fprintf(stderr, "%s\n", door_note(plan.door_address, config).c_str());
+    COMRAD_TRY_ASSIGN(plan.join_address, open_join_endpoint(run_dir, config, start.iwad));
+    std::fprintf(stderr, "%s\n", join_note(plan.join_address, config).c_str());
   }
   COMRAD_TRY_ASSIGN(plan.notes, notes_of(start));
   plan.hosts = host_calls(config, environment_variable, sibling_program("comrad"));

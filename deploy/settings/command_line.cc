@@ -1,5 +1,7 @@
 #include "deploy/settings/command_line.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -214,7 +216,7 @@ void CommandLine::add_option(const std::string& name, std::vector<std::string>& 
     for (std::string word; std::getline(words, word, ',');) {
       if (word.empty())
         return Error{ErrorCode::kBadInput,
-                     "--" + name + "=" + text + ": nothing stands where a value should"};
+                     "--" + name + "=" + text + ": the value is empty"};
       target.push_back(std::move(word));
     }
     return {};
@@ -339,8 +341,7 @@ std::string CommandLine::help(const std::optional<ValuesInForce>& values, HelpEx
         "result):\n" +
         settings;
   if (left_out > 0)
-    text += "\n" + std::to_string(left_out) + " more: comrad help " + usage_.substr(0, usage_.find(' ')) +
-            " --all\n";
+    text += fmt::format("\n{} more: comrad help {} --all\n", left_out, usage_.substr(0, usage_.find(' ')));
   if (!idle.empty()) text += "\nWithout effect with these values:\n" + help_line("", joined(idle));
   return text;
 }

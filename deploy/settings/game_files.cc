@@ -1,5 +1,7 @@
 #include "deploy/settings/game_files.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <charconv>
 #include <cstdint>
 #include <cstdlib>
@@ -25,7 +27,7 @@ constexpr int64_t kHeaderBytes = 12;
 constexpr int64_t kDirectoryEntryBytes = 16;
 
 std::string layout_name(const RunConfig& config) {
-  return scenario_file_name(config) + "_" + std::to_string(config.environment.layout_seed) + ".wad";
+  return fmt::format("{}_{}.wad", scenario_file_name(config), config.environment.layout_seed);
 }
 
 /// What `train:<count>`, `eval:<count>` and `curriculum` request.
@@ -91,20 +93,18 @@ Status check_wad(const std::string& path) {
     return Error{ErrorCode::kBadFormat, path + ": starts with neither IWAD nor PWAD; it is no WAD"};
   const int64_t lumps = little_endian(header + 4), directory = little_endian(header + 8);
   if (lumps < 1 || directory < kHeaderBytes || directory + lumps * kDirectoryEntryBytes > size)
-    return Error{ErrorCode::kBadFormat, path + ": its directory of " + std::to_string(lumps) +
-                                            " lumps at byte " + std::to_string(directory) +
-                                            " does not fit into " + std::to_string(size) +
-                                            " bytes; the file is cut off, get it again"};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}: its directory of {} lumps at byte {} does not fit "
+                                                    "into {} bytes; the file is cut off, get it again",
+                                                    path, lumps, directory, size)};
   file.seekg(directory);
   for (int64_t lump = 0; lump < lumps; ++lump) {
     unsigned char entry[kDirectoryEntryBytes];
     if (!file.read(reinterpret_cast<char*>(entry), kDirectoryEntryBytes)) break;
     const int64_t offset = little_endian(entry), bytes = little_endian(entry + 4);
     if (bytes != 0 && (offset < 0 || bytes < 0 || offset + bytes > size))
-      return Error{ErrorCode::kBadFormat,
-                   path + ": lump " + std::to_string(lump) + " (" + std::to_string(bytes) +
-                       " bytes at byte " + std::to_string(offset) + ") does not fit into " +
-                       std::to_string(size) + " bytes; the file is cut off, get it again"};
+      return Error{ErrorCode::kBadFormat, fmt::format("{}: lump {} ({} bytes at byte {}) does not fit into "
+                                                      "{} bytes; the file is cut off, get it again",
+                                                      path, lump, bytes, offset, size)};
   }
   return {};
 }
@@ -128,8 +128,8 @@ Status check_pool_to_draw(const std::string& layout_pool, bool for_training) {
                  "layout_pool is " + layout_pool + "; the number of layouts must be 1 to 100000"};
   if (for_training && pool->word == "eval")
     return Error{ErrorCode::kBadInput,
-                 "layout_pool is " + layout_pool +
-                     "; those layouts are for evaluation, train on train:" + std::to_string(*pool->count)};
+                 fmt::format("layout_pool is {}; those layouts are for evaluation, train on train:{}",
+                             layout_pool, *pool->count)};
   return {};
 }
 
@@ -144,7 +144,7 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
     folder = made_in + "/" + scenario_file_name(config) + "_" + pool->word;
     words = {sibling_program("comrad-doomgen"), config.run.scenario, "--pool", pool->word};
     if (pool->count) {
-      folder += "_" + std::to_string(*pool->count);
+      folder += fmt::format("_{}", *pool->count);
       words.insert(words.end(), {"--count", std::to_string(*pool->count)});
     }
     words.insert(words.end(), {"--num_agents", std::to_string(config.environment.num_agents), "-o", folder});
@@ -207,7 +207,7 @@ void forget_stale_layout(const RunConfig& run, RunConfig& config) {
 std::string layout_text(const RunConfig& config) {
   if (!config.environment.layout_pool.empty()) return "pool " + config.environment.layout_pool;
   if (config.environment.wad.empty() || is_generated_layout(config))
-    return "seed " + std::to_string(config.environment.layout_seed);
+    return fmt::format("seed {}", config.environment.layout_seed);
   return config.environment.wad;
 }
 

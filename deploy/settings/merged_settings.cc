@@ -1,5 +1,7 @@
 #include "deploy/settings/merged_settings.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <filesystem>
@@ -98,9 +100,9 @@ Expected<MergedSettings> complete(LayeredConfig layers, ScenarioDescription scen
   const RunConfig asked = layers.config;
   if (const int64_t version = asked.environment.scenario_version; version != 0 && version != scenario.version)
     return Error{ErrorCode::kBadInput,
-                 "--scenario_version=" + std::to_string(version) + ": " + asked.run.scenario +
-                     " is at version " + std::to_string(scenario.version) +
-                     " here, other rules than that run's; train anew under another --experiment"};
+                 fmt::format("--scenario_version={}: {} is at version {} here, other rules than that run's; "
+                             "train anew under another --experiment",
+                             version, asked.run.scenario, scenario.version)};
   const bool is_scenarios = layers.config.run.algo->reward_share == RewardShare::kOfTheScenario;
   COMRAD_TRY(layers.change(is_scenarios ? "scenario" : "algorithm", [&scenario](RunConfig& config) -> Status {
     if (config.environment.shared_reward_alpha < 0)

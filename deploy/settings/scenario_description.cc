@@ -1,5 +1,7 @@
 #include "deploy/settings/scenario_description.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -117,8 +119,8 @@ Expected<ScenarioDescription> describe_scenario(const RunConfig& config) {
 
   const std::vector<int>& supported = scenario.supported_agents;
   if (std::find(supported.begin(), supported.end(), num_agents) == supported.end())
-    return Error{ErrorCode::kBadInput, "--num_agents=" + std::to_string(num_agents) + ": " + name +
-                                           " supports " + joined(supported) + " agents"};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("--num_agents={}: {} supports {} agents", num_agents, name, joined(supported))};
   return ask(num_agents);
 }
 

@@ -1,5 +1,7 @@
 #include "deploy/settings/start_check.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cmath>
 #include <filesystem>
 
@@ -45,12 +47,12 @@ Status check_learning_begins(const RunConfig& config, const std::optional<replay
   const bool is_half = replay->decisions_before_training < config.q_learning.learning_starts_decisions;
   return Error{
       ErrorCode::kBadInput,
-      "learning begins at " + std::to_string(std::llround(begins)) + " env frames (" +
-          std::to_string(replay->decisions_before_training) + " agent decisions, " +
-          (is_half ? "half of what the replay holds" : "learning_starts_decisions") + "), the run ends at " +
-          std::to_string(std::llround(ends)) +
-          " (train_for_env_frames), without an update or a checkpoint; raise --train_for_env_frames, lower "
-          "--learning_starts_decisions, or say --allow_no_update"};
+      fmt::format("learning begins at {} env frames ({} agent decisions, {}), the run ends at {} "
+                  "(train_for_env_frames), without an update or a checkpoint; raise --train_for_env_frames, "
+                  "lower --learning_starts_decisions, or say --allow_no_update",
+                  std::llround(begins), replay->decisions_before_training,
+                  (is_half ? "half of what the replay holds" : "learning_starts_decisions"),
+                  std::llround(ends))};
 }
 
 }  // namespace comrad::deploy

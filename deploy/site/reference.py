@@ -156,4 +156,4 @@ def write_all(stage, comrad: str) -> None:
         silent += without if part != "tests" else []
         stage.write(pathlib.Path(f"reference/files/{part}.md"), page)
     if silent:
-        raise SystemExit(f"comrad docs: error: a first comment that says what the file is for is missing in {', '.join(silent)}")
+        raise SystemExit(f"comrad docs: error: a first comment on the purpose of the file is missing in {', '.join(silent)}")

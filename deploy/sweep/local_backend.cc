@@ -1,5 +1,7 @@
 #include "deploy/sweep/local_backend.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -193,7 +195,7 @@ std::vector<std::string> visible_gpus() {
     return gpus;
   }
   std::error_code failed;
-  while (std::filesystem::exists("/dev/nvidia" + std::to_string(gpus.size()), failed))
+  while (std::filesystem::exists(fmt::format("/dev/nvidia{}", gpus.size()), failed))
     gpus.push_back(std::to_string(gpus.size()));
   return gpus;
 }
@@ -209,11 +211,11 @@ Expected<std::vector<LocalSlot>> local_slots(const SweepPlan& plan, std::size_t 
       std::min(static_cast<std::size_t>(plan.file.local_at_once), std::max<std::size_t>(run_count, 1));
   const std::size_t cores = static_cast<std::size_t>(plan.cores);
   const std::size_t room = std::min(cpus.size(), static_cast<std::size_t>(std::max(usable_cores, 1)));
-  const std::string many = std::to_string(at_once) + (at_once == 1 ? " run" : " runs at once");
+  const std::string many = fmt::format("{}{}", at_once, (at_once == 1 ? " run" : " runs at once"));
   if (at_once * cores > room)
-    return refuse(many + " of " + std::to_string(cores) + " cores need " + std::to_string(at_once * cores) +
-                  ", this process may use " + std::to_string(room) +
-                  "; lower [local] at_once or [resources] cores");
+    return refuse(fmt::format(
+        "{} of {} cores need {}, this process may use {}; lower [local] at_once or [resources] cores", many,
+        cores, at_once * cores, room));
   const double wanted = static_cast<double>(at_once) * plan.file.resources.memory_gb * 1e9;
   if (wanted > static_cast<double>(free_memory_bytes))
     return refuse(many + " of " + real_text(plan.file.resources.memory_gb) + " GB need " + gigabytes(wanted) +
@@ -221,9 +223,9 @@ Expected<std::vector<LocalSlot>> local_slots(const SweepPlan& plan, std::size_t 
                   " is free; lower [local] at_once or [resources] memory_gb");
   const std::size_t gpus_each = static_cast<std::size_t>(plan.file.resources.gpus);
   if (at_once * gpus_each > gpus.size())
-    return refuse(many + " of " + std::to_string(gpus_each) + " GPUs need " +
-                  std::to_string(at_once * gpus_each) + ", this process may use " +
-                  std::to_string(gpus.size()) + "; lower [local] at_once or [resources] gpus");
+    return refuse(fmt::format(
+        "{} of {} GPUs need {}, this process may use {}; lower [local] at_once or [resources] gpus", many,
+        gpus_each, at_once * gpus_each, gpus.size()));
   std::vector<LocalSlot> slots(at_once);
   for (std::size_t slot = 0; slot < at_once; ++slot) {
     const auto first_cpu = cpus.begin() + static_cast<std::ptrdiff_t>(slot * cores);

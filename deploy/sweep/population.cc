@@ -1,5 +1,7 @@
 #include "deploy/sweep/population.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -58,7 +60,7 @@ std::string member_path(const SweepFolder& folder, const std::string& run) {
 }
 
 std::string kept_path(const SweepFolder& folder, const std::string& run, std::size_t generation) {
-  return folder.path() + "/search/" + run + "/" + std::to_string(generation);
+  return fmt::format("{}/search/{}/{}", folder.path(), run, generation);
 }
 
 Expected<Member> read_member(const SweepFolder& folder, const std::string& run) {
@@ -182,7 +184,7 @@ Status keep_checkpoint(const SweepFolder& folder, const SweepRun& run, std::size
 
 Status take_checkpoint(const SweepFolder& folder, const SweepRun& run, std::size_t number,
                        const std::string& parent) {
-  const std::string own = folder.run_dir(run) + "/checkpoint", before = own + "_" + std::to_string(number),
+  const std::string own = folder.run_dir(run) + "/checkpoint", before = fmt::format("{}_{}", own, number),
                     next = own + "_next";
   std::error_code failed;
   if (!fs::exists(before, failed)) {

@@ -1,5 +1,7 @@
 #include "deploy/sweep/report_step.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cstdio>
 #include <filesystem>
 
@@ -29,9 +31,9 @@ Status run_report(const SweepFolder& folder, const std::string& command) {
   COMRAD_TRY(write_file_atomically(folder.path() + "/records/report.log", done.output + done.error_output,
                                    /*durable=*/false));
   if (done.exit_code == 0) return {};
-  return Error{ErrorCode::kPeerLost, "the report failed (exit code " + std::to_string(done.exit_code) +
-                                         "): " + last_words(done) + " (see " + folder.path() +
-                                         "/records/report.log)"};
+  return Error{ErrorCode::kPeerLost,
+               fmt::format("the report failed (exit code {}): {} (see {}/records/report.log)", done.exit_code,
+                           last_words(done), folder.path())};
 }
 
 }  // namespace comrad::deploy

@@ -1,5 +1,7 @@
 #include "deploy/sweep/search_program.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <signal.h>
 #include <unistd.h>
 
@@ -46,7 +48,7 @@ Expected<ordered_json> ask_program(const std::vector<std::string>& words) {
 Expected<std::pair<int64_t, SettingValues>> ask_trial(const SweepFolder& folder, const SweepRun& run,
                                                       int64_t trial) {
   std::vector<std::string> words = {"ask", folder.path(), run.name};
-  if (trial >= 0) words.push_back("--trial=" + std::to_string(trial));
+  if (trial >= 0) words.push_back(fmt::format("--trial={}", trial));
   COMRAD_TRY_ASSIGN(const ordered_json answer, ask_program(words));
   const Error odd{ErrorCode::kBadFormat,
                   "search.py gave an answer that is none: " + answer.dump().substr(0, 200)};
@@ -60,7 +62,7 @@ Expected<std::pair<int64_t, SettingValues>> ask_trial(const SweepFolder& folder,
 
 std::vector<std::string> words_of(const char* command, const SweepFolder& folder, const SweepRun& run,
                                   const RunRecord& record) {
-  return {command, folder.path(), run.name, "--trial=" + std::to_string(record.trial)};
+  return {command, folder.path(), run.name, fmt::format("--trial={}", record.trial)};
 }
 
 Expected<bool> end_trial_step(const SweepFolder& folder, const SweepRun& run, RunRecord& record,
@@ -76,7 +78,7 @@ Expected<bool> end_trial_step(const SweepFolder& folder, const SweepRun& run, Ru
     COMRAD_TRY(ask_program(words));
     return false;
   }
-  words.push_back("--env_frames=" + std::to_string(static_cast<int64_t>(end)));
+  words.push_back(fmt::format("--env_frames={}", static_cast<int64_t>(end)));
   COMRAD_TRY_ASSIGN(const ordered_json answer, ask_program(words));
   const bool is_pruned = answer.is_object() && answer.value("pruned", false);
   if (is_pruned) record.pruned_at_env_frames = end;

@@ -1,5 +1,7 @@
 #include "deploy/sweep/slurm_backend.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -30,7 +32,7 @@ struct Submission {
 };
 
 std::string records(const SweepFolder& folder, int number, const std::string& ending) {
-  return folder.path() + "/records/slurm_" + std::to_string(number) + ending;
+  return fmt::format("{}/records/slurm_{}{}", folder.path(), number, ending);
 }
 
 /// Every submission of the folder, by number. One whose sbatch failed, or was never asked, has no job of its name.
@@ -97,27 +99,26 @@ std::string slurm_job_name(const SweepFolder& folder, int number) {
   char mark[16];
   std::snprintf(mark, sizeof mark, "%08x",
                 static_cast<unsigned>(checksum64(std::as_bytes(std::span(folder.path())))));
-  return folder.name() + "." + std::to_string(number) + "." + mark;
+  return fmt::format("{}.{}.{}", folder.name(), number, mark);
 }
 
 std::string slurm_script(const SweepPlan& plan, const SweepFolder& folder, int number,
                          const std::vector<std::string>& runs, const std::string& program) {
   const SlurmOptions& slurm = plan.file.slurm;
-  const std::string throttle = slurm.at_once > 0 ? "%" + std::to_string(slurm.at_once) : "";
+  const std::string throttle = slurm.at_once > 0 ? fmt::format("%{}", slurm.at_once) : "";
   const double mebibytes = std::ceil(plan.file.resources.memory_gb * 1e9 / (1 << 20));
   std::string text = shared_lines(plan, slurm_job_name(folder, number), records(folder, number, "_%a.log"));
   const auto add = [&text](const std::string& option) { text += "#SBATCH " + option + "\n"; };
-  add("--array=0-" + std::to_string(runs.size() - 1) + throttle);
-  add("--cpus-per-task=" + std::to_string(plan.cores));
-  add("--mem=" + std::to_string(static_cast<int64_t>(mebibytes)) + "M");
+  add(fmt::format("--array=0-{}{}", runs.size() - 1, throttle));
+  add(fmt::format("--cpus-per-task={}", plan.cores));
+  add(fmt::format("--mem={}M", static_cast<int64_t>(mebibytes)));
   if (!slurm.gres.empty())
     add("--gres=" + slurm.gres);
   else if (plan.file.resources.gpus > 0)
-    add("--gres=gpu:" + std::to_string(plan.file.resources.gpus));
+    add(fmt::format("--gres=gpu:{}", plan.file.resources.gpus));
   if (!slurm.time.empty()) add("--time=" + slurm.time);
   add("--requeue");
-  add("--signal=B:USR1@" +
-      std::to_string(slurm.signal_before_s));  // the run saves, stops and is queued again
+  add(fmt::format("--signal=B:USR1@{}", slurm.signal_before_s));  // the run saves, stops and is queued again
   for (const std::string& option : slurm.options) add(option);
   text += setup_lines(plan) + "runs=(\n";
   for (const std::string& run : runs) text += "  " + run + "\n";

@@ -1,5 +1,7 @@
 #include "deploy/sweep/sweep_element.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <poll.h>
 #include <sched.h>
@@ -124,7 +126,7 @@ std::string quoted_error(const std::vector<std::string>& lines) {
   return chosen;
 }
 
-RunRecord judge_attempt(RunRecord record, const ExitStatus& how, bool was_told,
+RunRecord judge_attempt(RunRecord record, const ExitStatus& how, bool was_stopped,
                         const std::string& status_state, double frames, const std::string& last_error,
                         bool killed_may_go_on) {
   record.exit_code = how.signal == 0 ? how.code : 128 + how.signal;
@@ -134,7 +136,7 @@ RunRecord judge_attempt(RunRecord record, const ExitStatus& how, bool was_told,
   } else if (how.signal != 0) {
     const bool got_somewhere = frames > record.env_frames_at_start;
     record.state =
-        was_told || (killed_may_go_on && got_somewhere) ? RunState::kInterrupted : RunState::kFailed;
+        was_stopped || (killed_may_go_on && got_somewhere) ? RunState::kInterrupted : RunState::kFailed;
     record.error = "comrad train was " + how.text() + (got_somewhere ? "" : " before it got any further");
   } else {
     record.state = RunState::kFailed;
@@ -156,8 +158,8 @@ class Element {
     COMRAD_TRY(begin());
     if (const Status worked = work(); !worked) {
       hear_signals();
-      record_.state = was_told_ ? RunState::kInterrupted : RunState::kFailed;
-      record_.error = was_told_ ? "" : worked.error().message;
+      record_.state = was_stopped_ ? RunState::kInterrupted : RunState::kFailed;
+      record_.error = was_stopped_ ? "" : worked.error().message;
     }
     return end();
   }
@@ -179,8 +181,8 @@ class Element {
     record_.goal_env_frames = run_.goal_env_frames;
     COMRAD_TRY(folder_.write_record(run_, record_));
     log_ = Descriptor(open(folder_.log_path(run_).c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
-    const std::string heading = "== attempt " + std::to_string(record_.attempts) + " on " + record_.host +
-                                (job_.empty() ? "" : ", job " + job_) + " ==\n";
+    const std::string heading = fmt::format("== attempt {} on {}{} ==\n", record_.attempts, record_.host,
+                                            (job_.empty() ? "" : ", job " + job_));
     (void)!write(log_.get(), heading.data(), heading.size());
     return {};
   }
@@ -192,7 +194,7 @@ class Element {
       record_.env_frames_at_start = standing_of(run_dir_).env_frames;
       COMRAD_TRY(folder_.write_record(run_, record_));
       hear_signals();
-      if (was_told_) {
+      if (was_stopped_) {
         record_.state = RunState::kInterrupted;
         return {};
       }
@@ -225,7 +227,7 @@ class Element {
     }
     take_lines(train, log_.get(), kept);
     const Standing standing = standing_of(run_dir_);
-    record_ = judge_attempt(record_, *train.poll_exit(), was_told_, standing.state, standing.env_frames,
+    record_ = judge_attempt(record_, *train.poll_exit(), was_stopped_, standing.state, standing.env_frames,
                             quoted_error(kept), !job_.empty());
     return {};
   }
@@ -245,7 +247,8 @@ class Element {
       if (const Status told = give_up(folder_, run_, record_); !told && record_.error != told.error().message)
         record_.error += "; " + told.error().message;
     record_.ended_s = wall_s();
-    const bool is_killed = record_.state == RunState::kInterrupted && record_.exit_code > 128 && !was_told_;
+    const bool is_killed =
+        record_.state == RunState::kInterrupted && record_.exit_code > 128 && !was_stopped_;
     const bool is_queued_again =
         !job_.empty() && record_.state == RunState::kInterrupted && (time_is_up_ || is_killed);
     if (is_queued_again && record_.error.empty()) record_.error = "the time limit was near; queued again";
@@ -269,7 +272,7 @@ class Element {
     for (int number; (number = signals_.next()) != 0;) {
       if (number == SIGCHLD) continue;
       time_is_up_ |= number == SIGUSR1;
-      came = was_told_ = true;
+      came = was_stopped_ = true;
     }
     return came;
   }
@@ -285,7 +288,7 @@ class Element {
   const std::string run_dir_, job_;
   RunRecord record_;
   Descriptor log_;
-  bool was_told_ = false, time_is_up_ = false;
+  bool was_stopped_ = false, time_is_up_ = false;
 };
 
 }  // namespace

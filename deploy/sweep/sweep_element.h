@@ -27,10 +27,10 @@ Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const 
 /// What an ended `comrad train` means. `killed_may_go_on`: with Slurm, where a killed attempt that got somewhere is made
 /// again.
 ///
-///   was_told      we requested its stop
+///   was_stopped      we requested its stop
 ///   status_state  of status.json
 ///   frames        env frames that it stands at
-RunRecord judge_attempt(RunRecord record, const ExitStatus& how, bool was_told,
+RunRecord judge_attempt(RunRecord record, const ExitStatus& how, bool was_stopped,
                         const std::string& status_state, double frames, const std::string& last_error,
                         bool killed_may_go_on);
 

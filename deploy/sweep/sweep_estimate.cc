@@ -1,5 +1,7 @@
 #include "deploy/sweep/sweep_estimate.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <sched.h>
 
 #include <algorithm>
@@ -60,7 +62,7 @@ Status measure(std::vector<EstimateGroup>& groups, const SweepPlan& plan, double
     std::fprintf(stderr, "measuring %s on %s for %.0f s ...\n", group.label.c_str(),
                  value_of(*group.measured, "scenario").c_str(), seconds);
     std::vector<std::string> command = {comrad, "bench", "train", "--json",
-                                        "--seconds=" + std::to_string(seconds)};
+                                        fmt::format("--seconds={}", seconds)};
     for (const auto& [setting, value] : group.measured->settings.values)
       // The bench ends by its own clock, and this machine's memory need not hold a replay of the sweep's size.
       if (setting != "train_for_env_frames" && setting != "train_for_seconds" && setting != "replay_gb")
@@ -100,10 +102,10 @@ std::string estimate_text(const std::vector<EstimateGroup>& groups, const SweepP
         hours(group_s));
   }
   const auto at_once = static_cast<double>(plan.file.local_at_once);
-  text += std::to_string(plan.runs.size()) + " runs on " + std::to_string(plan.cores) +
-          " cores each: " + hours(seconds) + " hours one after the other";
+  text += fmt::format("{} runs on {} cores each: {} hours one after the other", plan.runs.size(), plan.cores,
+                      hours(seconds));
   if (at_once > 1)
-    text += ", " + hours(seconds / at_once) + " with " + std::to_string(plan.file.local_at_once) + " at once";
+    text += fmt::format(", {} with {} at once", hours(seconds / at_once), plan.file.local_at_once);
   return text + " (a run of each row's first scenario stands for all of them)\n";
 }
 

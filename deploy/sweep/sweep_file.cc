@@ -1,5 +1,7 @@
 #include "deploy/sweep/sweep_file.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -48,8 +50,7 @@ class Keys {
     const toml::node* node = take(key);
     if (node == nullptr) return {};
     if (!node->is_integer() || node->as_integer()->get() < low || node->as_integer()->get() > high)
-      return wrong(key, *node,
-                   "a whole number between " + std::to_string(low) + " and " + std::to_string(high));
+      return wrong(key, *node, fmt::format("a whole number between {} and {}", low, high));
     value = node->as_integer()->get();
     return {};
   }
@@ -183,7 +184,7 @@ Expected<std::string> value_of(const SweepFile& file, const SettingRow& row, con
   const std::optional<std::string> text = toml_scalar_text(node);
   if (!text) return refuse(file, line, std::string(row.name) + " is neither text, a number, true nor false");
   RunConfig config;
-  const std::string origin = file.path + ":" + std::to_string(line);
+  const std::string origin = fmt::format("{}:{}", file.path, line);
   COMRAD_TRY(set(config, origin, row.name, *text));
   if (!row.holds(config, row.limits))
     return refuse(file, line,
@@ -223,7 +224,7 @@ Expected<SweepAxis> axis_of(const SweepFile& file, const toml::key& key, const t
 Status note_line(SweepFile& file, const std::string& setting, int line) {
   const auto [before, is_new] = file.lines.emplace(setting, line);
   if (!is_new)
-    return refuse(file, line, setting + " is set in line " + std::to_string(before->second) + " already");
+    return refuse(file, line, fmt::format("{} is set in line {} already", setting, before->second));
   return {};
 }
 

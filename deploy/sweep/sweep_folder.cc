@@ -1,5 +1,7 @@
 #include "deploy/sweep/sweep_folder.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -203,7 +205,7 @@ std::string utc_text(double seconds) {
 
 std::optional<uint64_t> start_tics_of(pid_t pid) {
   if (pid <= 0) return std::nullopt;
-  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
+  std::ifstream file(fmt::format("/proc/{}/stat", pid));
   const std::string text{std::istreambuf_iterator<char>(file), {}};
   // The second field is the program's name in brackets, which may hold anything. A zombie is no more.
   const std::size_t name_end = text.rfind(')');
@@ -428,11 +430,11 @@ Expected<Descriptor> SweepFolder::lock(const std::string& folder) {
   }
   if (!is_ours) {
     if (errno != EWOULDBLOCK) return file_error("cannot lock " + path, errno);
-    return Error{ErrorCode::kBadInput,
-                 "the sweep in " + folder + " is at work already (pid " + std::to_string(owner_of(lock)) +
-                     "); look at it with comrad sweep status, end it with comrad sweep stop"};
+    return Error{ErrorCode::kBadInput, fmt::format("the sweep in {} is at work already (pid {}); look at it "
+                                                   "with comrad sweep status, end it with comrad sweep stop",
+                                                   folder, owner_of(lock))};
   }
-  const std::string pid = std::to_string(getpid()) + "\n";
+  const std::string pid = fmt::format("{}\n", getpid());
   if (ftruncate(lock.get(), 0) != 0 || pwrite(lock.get(), pid.data(), pid.size(), 0) < 0)
     return file_error(path, errno);
   return lock;

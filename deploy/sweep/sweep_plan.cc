@@ -1,5 +1,7 @@
 #include "deploy/sweep/sweep_plan.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -298,8 +300,9 @@ Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, 
   const std::size_t each = file.search.is_on() ? static_cast<std::size_t>(file.search.runs) : 1;
   for (const SweepAxis& axis : file.axes)
     if ((count *= axis.values.size()) * each > kRunsMax)
-      return Error{ErrorCode::kBadInput, file.at(axis.line) + "the axes make more than " +
-                                             std::to_string(kRunsMax) + " runs; write several sweeps"};
+      return Error{ErrorCode::kBadInput,
+                   fmt::format("{}the axes make more than {} runs; write several sweeps", file.at(axis.line),
+                               kRunsMax)};
   DescribeOnce once(describe);
   COMRAD_TRY(check_scenarios(file, once));
 
@@ -339,8 +342,7 @@ Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, 
   }
   if (refused) {
     if (refused_count > 1)
-      refused->message +=
-          " (and " + std::to_string(refused_count - 1) + " more runs; [[exclude]] leaves some out)";
+      refused->message += fmt::format(" (and {} more runs; [[exclude]] leaves some out)", refused_count - 1);
     return *refused;
   }
   if (plan.runs.empty())

@@ -1,5 +1,7 @@
 #include "deploy/sweep/sweep_results.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -102,8 +104,8 @@ Expected<ordered_json> evaluate(const SweepResults& results, const std::string& 
   COMRAD_TRY_ASSIGN(const ProgramResult played, run_program(words, {.timeout_s = kEvaluationTimeoutS}));
   if (played.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
   if (played.exit_code != 0)
-    return Error{ErrorCode::kPeerLost, "the evaluation ended with exit code " +
-                                           std::to_string(played.exit_code) + ": " + last_words(played)};
+    return Error{ErrorCode::kPeerLost, fmt::format("the evaluation ended with exit code {}: {}",
+                                                   played.exit_code, last_words(played))};
   ordered_json answer = ordered_json::parse(played.output, nullptr, false);
   if (!answer.is_object() || !answer.contains("J_mean") || !answer.contains("each") ||
       !answer["each"].is_array())
@@ -130,8 +132,8 @@ Status keep_random_play(const SweepResults& results, const RunConfig& config, co
   COMRAD_TRY_ASSIGN(const ordered_json answer,
                     evaluate(results, "random", results.greedy, comrad,
                              {"--scenario=" + config.run.scenario,
-                              "--num_agents=" + std::to_string(config.environment.num_agents),
-                              "--layout_seed=" + std::to_string(config.environment.layout_seed)}));
+                              fmt::format("--num_agents={}", config.environment.num_agents),
+                              fmt::format("--layout_seed={}", config.environment.layout_seed)}));
   return write_file_atomically(path, lines_of(answer), /*durable=*/true);
 }
 

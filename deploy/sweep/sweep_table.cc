@@ -1,5 +1,7 @@
 #include "deploy/sweep/sweep_table.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -53,9 +55,9 @@ std::string searched_text(const RunView& view) {
 std::vector<const RunView*> best_of_studies(const std::vector<RunView>& views) {
   std::vector<const RunView*> best;
   for (const RunView& view : views) {
-    const bool is_told =
+    const bool is_reported =
         view.state == RunState::kFinished || (view.record.trial < 0 && view.record.steps > 0);
-    if (view.study.empty() || !std::isfinite(view.score_mean) || !is_told) continue;
+    if (view.study.empty() || !std::isfinite(view.score_mean) || !is_reported) continue;
     const auto known = std::ranges::find(best, view.study, &RunView::study);
     if (known == best.end())
       best.push_back(&view);
@@ -82,11 +84,10 @@ std::vector<std::string> cells_of(const RunView& view) {
 }  // namespace
 
 std::string sweep_line(const std::vector<RunView>& views) {
-  std::string text = std::to_string(count_of(views, RunState::kFinished)) + " of " +
-                     std::to_string(views.size()) + " finished";
+  std::string text = fmt::format("{} of {} finished", count_of(views, RunState::kFinished), views.size());
   for (const RunState state : kStates)
     if (const int64_t count = count_of(views, state); count > 0 && state != RunState::kFinished)
-      text += ", " + std::to_string(count) + " " + word_of(state);
+      text += fmt::format(", {} {}", count, word_of(state));
   double rate = 0, left = 0;
   for (const RunView& view : views) {
     rate += view.env_frames_per_s;

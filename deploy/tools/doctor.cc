@@ -84,7 +84,7 @@ int doctor_command(Arguments arguments) {
   std::string hosts, interface;
   RunConfig config;
   line.add_option("hosts", hosts, "ADDRESS|NAMES",
-                  "measure the way to a run that serves, or from a,b,c to here");
+                  "measure the connection to a serving run, or from hosts a,b,c to this one");
   line.add_option("interface", interface, "NAME", "network interface; default: the one that leads there");
   line.add_switch("insecure_network", config.hosts.insecure_network, "measure on a network without keys");
   line.add_switch("json", json, "print one JSON object on stdout and nothing else");

@@ -66,7 +66,7 @@ std::vector<CheckResult> ask_host(const HostStart& call, const RunConfig& config
                                            .arguments = {call.command.begin() + 1, call.command.end()},
                                            .environment = {},
                                            .takes_input = true}));
-    child.tell(link::text_of(address) + "\n");
+    child.write_input(link::text_of(address) + "\n");
     std::string said;
     nlohmann::json report;
     std::optional<ExitStatus> how;

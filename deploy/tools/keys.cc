@@ -1,5 +1,7 @@
 // `comrad keys`: makes the keys of a run and of the hosts that may join it, and looks at them.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
@@ -66,8 +68,7 @@ Status run(const KeysOptions& options) {
     return Error{ErrorCode::kBadInput, unknown_word("action", options.action, actions)};
   if (options.action == "show") return show(options.folder);
   if (options.days < 1 || options.days > dds::kMostKeyDays || options.days != static_cast<int>(options.days))
-    return bad_value("days", real_text(options.days),
-                     "1 to " + std::to_string(dds::kMostKeyDays) + " whole days");
+    return bad_value("days", real_text(options.days), fmt::format("1 to {} whole days", dds::kMostKeyDays));
   dds::KeyRequest request{
       .folder = options.folder, .hosts = options.hosts, .days = static_cast<int>(options.days)};
   COMRAD_TRY(options.action == "make" ? dds::make_keys(request) : dds::add_keys(request));

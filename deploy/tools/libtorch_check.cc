@@ -1,5 +1,7 @@
 #include "deploy/tools/libtorch_check.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
@@ -98,7 +100,7 @@ CheckResult judge_libtorch(const LibtorchSeen& seen) {
   } else {
     found += " with CUDA " + seen.cuda;
     if (seen.cudnn >= 10000)
-      found += ", cuDNN " + std::to_string(seen.cudnn / 10000) + "." + std::to_string(seen.cudnn / 100 % 100);
+      found += fmt::format(", cuDNN {}.{}", seen.cudnn / 10000, seen.cudnn / 100 % 100);
     found += seen.has_nccl ? ", NCCL" : "";
   }
   return {"libtorch", CheckLevel::kOk, found + ": " + seen.library, ""};
@@ -127,8 +129,9 @@ CheckResult judge_cuda(const LibtorchSeen& seen, const std::string& driver, cons
   if (const int oldest = oldest_driver_for(seen.cuda); major_of(driver) < oldest)
     return answer(CheckLevel::kWarn,
                   "driver " + driver + " is too old for the CUDA " + seen.cuda + " of this libtorch" + on_cpu,
-                  "update the driver to " + std::to_string(oldest) +
-                      " or newer, or name a PyTorch for an older CUDA: COMRAD_TORCH=FOLDER ./comrad doctor");
+                  fmt::format("update the driver to {} or newer, or name a PyTorch for an older CUDA: "
+                              "COMRAD_TORCH=FOLDER ./comrad doctor",
+                              oldest));
   const std::string why = seen.error.empty() ? "" : " (CUDA reports: " + seen.error + ")";
   if (visible_devices != nullptr)
     return answer(CheckLevel::kWarn, "driver " + driver + ", but no GPU is seen" + why + on_cpu,

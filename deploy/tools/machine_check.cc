@@ -1,5 +1,6 @@
 #include "deploy/tools/machine_check.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -77,8 +78,8 @@ Expected<double> one_second(const std::string& program, const std::vector<std::s
   COMRAD_TRY_ASSIGN(const ProgramResult result,
                     run_program(command, {.timeout_s = 60, .environment = sleeping_threads()}));
   if (result.exit_code != 0)
-    return Error{ErrorCode::kSystem, program + " ended with exit code " + std::to_string(result.exit_code) +
-                                         ": " + last_words(result)};
+    return Error{ErrorCode::kSystem, fmt::format("{} ended with exit code {}: {}", program, result.exit_code,
+                                                 last_words(result))};
   const auto measured = nlohmann::json::parse(result.output, nullptr, false);
   if (!measured.is_object() || !measured.contains("decisions_per_s") ||
       !measured["decisions_per_s"].is_number())
@@ -87,7 +88,7 @@ Expected<double> one_second(const std::string& program, const std::vector<std::s
 }
 
 std::string per_second(double rate) {
-  return std::to_string(static_cast<long>(rate)) + " decisions/s in a try of 1 s";
+  return fmt::format("{} decisions/s in a try of 1 s", static_cast<long>(rate));
 }
 
 /// The first word of each line of a list in deploy/: a package. Comments begin with #.
@@ -126,7 +127,7 @@ CheckResult check_package_list(const std::string& name, const std::string& file,
   for (const std::string& package : *wanted)
     if (("\n" + listed->output).find("\n" + package + " installed") == std::string::npos)
       missing += " " + package;
-  if (missing.empty()) return ok(name, list + ": all " + std::to_string(wanted->size()));
+  if (missing.empty()) return ok(name, fmt::format("{}: all {}", list, wanted->size()));
   return warn(name, list + ", missing:" + missing,
               action + "apt-get install --no-install-recommends" + missing);
 }
@@ -181,7 +182,7 @@ for wanted in sys.argv[1:]:
   std::istringstream lines(asked->output);
   for (std::string line; std::getline(lines, line);) missing.push_back(line);
   if (!missing.empty()) return warn(name, list + ", missing in " + python + ": " + joined(missing), action);
-  return ok(name, list + ": all " + std::to_string(wanted->size()) + " in " + python);
+  return ok(name, fmt::format("{}: all {} in {}", list, wanted->size(), python));
 }
 
 CheckResult check_iwad() {
@@ -244,13 +245,13 @@ std::vector<CheckResult> check_limits() {
   std::vector<CheckResult> results;
   rlimit files{};
   getrlimit(RLIMIT_NOFILE, &files);
-  const std::string open_files = std::to_string(files.rlim_cur) + " open files";
+  const std::string open_files = fmt::format("{} open files", files.rlim_cur);
   results.push_back(files.rlim_cur >= 1024 ? ok("open files", open_files)
                                            : warn("open files", open_files, "ulimit -n 4096"));
 
   constexpr double kReceiveBytes = 8 * 1024 * 1024;
   const double receive = number_in("/proc/sys/net/core/rmem_max", 0);
-  const std::string buffer = "net.core.rmem_max " + std::to_string(static_cast<long>(receive));
+  const std::string buffer = fmt::format("net.core.rmem_max {}", static_cast<long>(receive));
   if (receive == 0)
     results.push_back(ok("receive buffers", "net.core.rmem_max is not readable here; enough for one host"));
   else if (receive >= kReceiveBytes)

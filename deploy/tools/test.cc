@@ -1,6 +1,8 @@
 // `comrad test`: ctest over the build folder that this program lies in. ctest's own summary stays last; what was skipped and why,
 // and the slowest tests, stand right before it.
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -81,7 +83,7 @@ Expected<int> run_suite(Arguments arguments) {
   const bool chooses_labels = has_flag(arguments, {"-L", "--label-regex", "--label-exclude"});
   if (!chooses_labels) command.insert(command.end(), {"-LE", "^long$"});
   if (!has_flag(arguments, {"-j", "--parallel"}))
-    command.push_back("-j" + std::to_string(std::min(usable_cores(), 8)));
+    command.push_back(fmt::format("-j{}", std::min(usable_cores(), 8)));
   command.insert(command.end(), arguments.begin(), arguments.end());
 
   std::vector<std::string> skipped;

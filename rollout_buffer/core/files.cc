@@ -1,5 +1,7 @@
 #include "rollout_buffer/core/files.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -69,7 +71,7 @@ Expected<std::string> read_short_file(const std::string& path, std::size_t max_b
     if (count == 0) return bytes;
     bytes.append(block, static_cast<std::size_t>(count));
   }
-  return Error{ErrorCode::kBadFormat, path + ": longer than " + std::to_string(max_bytes >> 10) + " kB"};
+  return Error{ErrorCode::kBadFormat, fmt::format("{}: longer than {} kB", path, max_bytes >> 10)};
 }
 
 Status write_all(int descriptor, std::string_view bytes, const std::string& path) {
@@ -84,8 +86,8 @@ Status write_all(int descriptor, std::string_view bytes, const std::string& path
 Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable) {
   const std::size_t slash = path.find_last_of('/');
   const std::string folder = slash == std::string::npos ? "./" : path.substr(0, slash + 1);
-  const std::string temporary = folder + std::string(kHalfWrittenMark) + std::to_string(getpid()) + "-" +
-                                path.substr(slash + 1);  // npos + 1 is 0
+  const std::string temporary =
+      fmt::format("{}{}{}-{}", folder, kHalfWrittenMark, getpid(), path.substr(slash + 1));  // npos + 1 is 0
   const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (file < 0) return file_error("cannot write " + path, errno);
   Status written = write_all(file, bytes, path);

@@ -1,5 +1,7 @@
 #include "rollout_buffer/core/layout_list.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <optional>
 #include <set>
 #include <sstream>
@@ -39,7 +41,7 @@ Expected<LayoutList> parse_layout_list(std::string_view text, const std::string&
     const toml::array* layouts = document["layout"].as_array();
     if (layouts == nullptr || layouts->empty()) return bad("lists no layouts");
     for (const toml::node& node : *layouts) {
-      const std::string where = "layout " + std::to_string(list.layouts.size());
+      const std::string where = fmt::format("layout {}", list.layouts.size());
       const toml::table* one = node.as_table();
       const auto id = one == nullptr ? std::nullopt : (*one)["id"].value<std::string>();
       const auto path = one == nullptr ? std::nullopt : (*one)["path"].value<std::string>();
@@ -49,9 +51,8 @@ Expected<LayoutList> parse_layout_list(std::string_view text, const std::string&
           {*id, *path, (*one)["metric_scale"].value_or(0.0), (*one)["ceiling"].value_or(0.0)});
     }
   } catch (const toml::parse_error& failure) {
-    return Error{ErrorCode::kBadFormat, label + ":" + std::to_string(failure.source().begin.line) + ":" +
-                                            std::to_string(failure.source().begin.column) + ": " +
-                                            std::string(failure.description())};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: {}", label, failure.source().begin.line,
+                                                    failure.source().begin.column, failure.description())};
   }
   return list;
 }

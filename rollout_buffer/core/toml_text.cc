@@ -1,5 +1,7 @@
 #include "rollout_buffer/core/toml_text.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cstddef>
 
 #include <algorithm>
@@ -55,9 +57,8 @@ Status check_toml_depth(std::string_view text, const std::string& label) {
       continue;
     }
     if (c == '.' && ++dots > kPartsMax)
-      return Error{ErrorCode::kBadFormat, label + ":" + std::to_string(line) + ":" +
-                                              std::to_string(i - line_begin + 1) + ": a key of more than " +
-                                              std::to_string(kPartsMax) + " parts"};
+      return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: a key of more than {} parts", label, line,
+                                                      i - line_begin + 1, kPartsMax)};
     if (std::string_view("=,[]{}\n").find(c) != std::string_view::npos) dots = 0;
     if (c == '\n') count_line(i);
     ++i;
@@ -92,9 +93,10 @@ Status check_toml_headers(std::string_view text, const std::string& label) {
                           (first >= '0' && first <= '9') || first == '_' || first == '-' || first == '"' ||
                           first == '\'' || first == ']';
       if (!is_key)
-        return Error{ErrorCode::kBadFormat,
-                     label + ":" + std::to_string(line) + ":" + std::to_string(key - line_begin + 1) +
-                         ": a table's name begins with a letter, a digit, '_', '-' or a quote"};
+        return Error{
+            ErrorCode::kBadFormat,
+            fmt::format("{}:{}:{}: a table's name begins with a letter, a digit, '_', '-' or a quote", label,
+                        line, key - line_begin + 1)};
     }
     at_start = false;
   }

@@ -1,5 +1,7 @@
 #include "rollout_buffer/metrics/event_file.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -97,8 +99,8 @@ std::string frame_record(std::string_view bytes) {
 
 Expected<EventFile> EventFile::create(const std::string& folder) {
   const double now = wall_s();
-  const std::string path = folder + "/events.out.tfevents." + std::to_string(static_cast<int64_t>(now)) +
-                           "." + host_name() + "." + std::to_string(getpid()) + ".0";
+  const std::string path = fmt::format("{}/events.out.tfevents.{}.{}.{}.0", folder, static_cast<int64_t>(now),
+                                       host_name(), getpid());
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor < 0) return system_error("cannot create " + path);
   EventFile file(descriptor, path);

@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <spdlog/fmt/fmt.h>
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -101,8 +102,9 @@ class Source {
       if (!file) return Error{ErrorCode::kNotFound, "--pictures " + pictures + " cannot be read"};
       frames.assign(std::istreambuf_iterator<char>(file), {});
       if (frames.size() < frame_bytes)
-        return Error{ErrorCode::kBadFormat, "--pictures " + pictures + " holds not one frame of " +
-                                                std::to_string(frame_bytes) + " bytes (u8, planes R G B)"};
+        return Error{ErrorCode::kBadFormat,
+                     fmt::format("--pictures {} holds not one frame of {} bytes (u8, planes R G B)", pictures,
+                                 frame_bytes)};
     }
     const std::size_t count = frames.size() / frame_bytes;
     std::size_t next = 0;
@@ -211,7 +213,7 @@ Rate measure(Replay& replay, Unit unit, const Arguments& arguments) {
 
 /// Bytes per second of reading the file from its beginning in large pieces.
 Expected<double> read_sequentially(int descriptor, int64_t byte_count, double seconds) {
-  const int file = open(("/proc/self/fd/" + std::to_string(descriptor)).c_str(), O_RDONLY | O_CLOEXEC);
+  const int file = open((fmt::format("/proc/self/fd/{}", descriptor)).c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) return Error{ErrorCode::kSystem, "the replay's file cannot be opened a second time"};
   (void)posix_fadvise(file, 0, 0, POSIX_FADV_SEQUENTIAL);
   std::vector<char> piece(std::size_t{4} << 20);

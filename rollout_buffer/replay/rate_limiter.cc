@@ -1,5 +1,7 @@
 #include "rollout_buffer/replay/rate_limiter.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -17,10 +19,9 @@ Status validate(const RateLimiterOptions& options, int64_t insert_piece, int64_t
       2;
   if (options.samples_per_insert > 0 && !(options.error_buffer >= needed))
     return Error{ErrorCode::kBadInput,
-                 "the tolerance of " + std::to_string(options.error_buffer) + " samples is below " +
-                     std::to_string(needed) +
-                     "; with pieces of this size collecting and learning could wait for "
-                     "each other"};
+                 fmt::format("the tolerance of {} samples is below {}; with pieces of this size collecting "
+                             "and learning could wait for each other",
+                             options.error_buffer, needed)};
   return {};
 }
 

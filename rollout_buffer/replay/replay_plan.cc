@@ -1,5 +1,6 @@
 #include "rollout_buffer/replay/replay_plan.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <sys/statvfs.h>
 
 #include <algorithm>
@@ -106,9 +107,9 @@ Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape&
   const bool fits = wanted <= allowed;
   plan.compress = config.replay.replay_compress == Compress::kTrue ||
                   (config.replay.replay_compress == Compress::kAuto && !fits);
-  plan.reason += "; replay_capacity_decisions " + std::to_string(config.replay.replay_capacity_decisions) +
-                 " takes " + bytes_text(wanted) + " uncompressed" + (fits ? ", and decides" : "") +
-                 (plan.compress ? "; LZ4 on" : "");
+  plan.reason += fmt::format("; replay_capacity_decisions {} takes {} uncompressed{}{}",
+                             config.replay.replay_capacity_decisions, bytes_text(wanted),
+                             (fits ? ", and decides" : ""), (plan.compress ? "; LZ4 on" : ""));
   plan.fitting_decisions = std::min(plan.capacity_bytes / trajectory_bytes(config, shape, 0) * decisions,
                                     plan.capacity_transitions);
   const int64_t starts = config.q_learning.learning_starts_decisions;
@@ -122,14 +123,14 @@ ReplayPlan ReplayPlan::share_of(int rank, int learners) const {
   share.capacity_bytes /= learners;
   share.capacity_transitions = std::max<int64_t>(1, capacity_transitions / learners);  // 0 would be no limit
   share.fitting_decisions /= learners;
-  if (rank > 0 && !share.file.empty()) share.file += "." + std::to_string(rank);
+  if (rank > 0 && !share.file.empty()) share.file += fmt::format(".{}", rank);
   return share;
 }
 
 std::string ReplayPlan::words() const {
-  return "replay: room for " + std::string(compress ? "at least " : "") + std::to_string(fitting_decisions) +
-         " agent decisions in " + bytes_text(capacity_bytes) + " (" + reason + "); learning begins with " +
-         std::to_string(decisions_before_training);
+  return fmt::format("replay: room for {}{} agent decisions in {} ({}); learning begins with {}",
+                     compress ? "at least " : "", fitting_decisions, bytes_text(capacity_bytes), reason,
+                     decisions_before_training);
 }
 
 }  // namespace comrad::replay

@@ -1,5 +1,7 @@
 #include "rollout_buffer/replay/trajectory_store.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <lz4.h>
 
 #include <algorithm>
@@ -81,8 +83,7 @@ std::string difference(const SnapshotHeader& saved, const SnapshotHeader& ours) 
                                       {"kept recurrent state", &SnapshotHeader::keeps_state}};
   for (const Field& field : kFields)
     if (saved.*field.value != ours.*field.value)
-      return std::string(field.name) + " " + std::to_string(saved.*field.value) + ", this run has " +
-             std::to_string(ours.*field.value);
+      return fmt::format("{} {}, this run has {}", field.name, saved.*field.value, ours.*field.value);
   return saved.head_sizes == ours.head_sizes ? "" : "sizes of action heads that differ from this run's";
 }
 
@@ -240,8 +241,9 @@ Expected<TrajectoryStore> TrajectoryStore::create(const StoreOptions& options) {
   COMRAD_TRY(validate(options.shape));
   const TrajectoryShape& shape = options.shape;
   if (shape.final_capacity > std::numeric_limits<int8_t>::max())
-    return Error{ErrorCode::kBadInput, "a replay keeps at most 127 last observations a trajectory, not " +
-                                           std::to_string(shape.final_capacity)};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("a replay keeps at most 127 last observations a trajectory, not {}",
+                             shape.final_capacity)};
   // The largest item: everything kept, and a table of frames that do not shrink.
   ItemForm largest{.length = shape.rollout_steps,
                    .finals = shape.final_capacity,
@@ -259,9 +261,9 @@ Expected<TrajectoryStore> TrajectoryStore::create(const StoreOptions& options) {
                                            "; raise --replay_gb or lower --rollout"};
   const int64_t largest_transitions = int64_t{shape.rollout_steps} * shape.env.num_agents;
   if (options.capacity_transitions != 0 && options.capacity_transitions < largest_transitions)
-    return Error{ErrorCode::kBadInput, "a replay of " + std::to_string(options.capacity_transitions) +
-                                           " agent transitions holds not one trajectory of " +
-                                           std::to_string(largest_transitions)};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("a replay of {} agent transitions holds not one trajectory of {}",
+                             options.capacity_transitions, largest_transitions)};
   COMRAD_TRY_ASSIGN(RingMemory memory, options.file.empty()
                                            ? RingMemory::in_ram(options.capacity_bytes)
                                            : RingMemory::in_file(options.file, options.capacity_bytes));
@@ -542,9 +544,10 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
   if (reader.peek(
           std::as_writable_bytes(std::span(&saved, 1)).first(sizeof saved.magic + sizeof saved.version)) &&
       saved.magic == kSnapshotMagic && saved.version != kSnapshotVersion)
-    return bad("it has version " + std::to_string(saved.version) + ", this program reads version " +
-               std::to_string(kSnapshotVersion) +
-               " alone; remove it, and the run continues with an empty replay");
+    return bad(
+        fmt::format("it has version {}, this program reads version {} alone; remove it, and the run "
+                    "continues with an empty replay",
+                    saved.version, kSnapshotVersion));
   std::vector<std::byte> bytes;
   COMRAD_TRY_ASSIGN(const SectionHeader first, reader.next(bytes));
   if (first.tag != static_cast<uint32_t>(SectionTag::kHeader) || bytes.size() < sizeof saved.magic + 4)

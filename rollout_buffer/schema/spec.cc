@@ -1,5 +1,7 @@
 #include "rollout_buffer/schema/spec.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <string>
 
 namespace comrad {
@@ -7,9 +9,7 @@ namespace {
 
 Status check_range(const char* name, int64_t value, int64_t low, int64_t high) {
   if (value >= low && value <= high) return {};
-  return Error{ErrorCode::kBadInput, std::string(name) + " is " + std::to_string(value) +
-                                         "; it must lie in " + std::to_string(low) + ".." +
-                                         std::to_string(high)};
+  return Error{ErrorCode::kBadInput, fmt::format("{} is {}; it must lie in {}..{}", name, value, low, high)};
 }
 
 }  // namespace

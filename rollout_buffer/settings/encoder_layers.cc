@@ -1,5 +1,7 @@
 #include "rollout_buffer/settings/encoder_layers.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <optional>
@@ -80,20 +82,20 @@ std::string read_words(std::vector<std::string> words, EncoderLayer& layer) {
     const int64_t most = layer.kind == LayerKind::kConv ? kChannelsMax : kFeaturesMax;
     const auto outputs = next < words.size() ? number(words[next], 1, most) : std::nullopt;
     if (!outputs)
-      return std::string(layer.kind == LayerKind::kConv ? "CHANNELS" : "FEATURES") +
-             " is a number between 1 and " + std::to_string(most);
+      return fmt::format("{} is a number between 1 and {}",
+                         layer.kind == LayerKind::kConv ? "CHANNELS" : "FEATURES", most);
     layer.outputs = *outputs;
     layer.activation = Activation::kElu;
     ++next;
   }
   if (has_window) {
     if (next >= words.size() || !read_window(words[next], layer))
-      return "a window is square, KxK or KxK/STRIDE, K up to " + std::to_string(kKernelMax) +
-             ", STRIDE up to " + std::to_string(kStrideMax);
+      return fmt::format("a window is square, KxK or KxK/STRIDE, K up to {}, STRIDE up to {}", kKernelMax,
+                         kStrideMax);
     ++next;
     if (next + 1 < words.size() && words[next] == "pad") {
       const auto padding = number(words[next + 1], 0, layer.kernel / 2);
-      if (!padding) return "padding is at most half of the window, " + std::to_string(layer.kernel / 2);
+      if (!padding) return fmt::format("padding is at most half of the window, {}", layer.kernel / 2);
       layer.padding = *padding;
       next += 2;
     }
@@ -135,22 +137,21 @@ const NamedEncoder* find_encoder(std::string_view name) {
 }
 
 std::string shape_text(const LayerShape& shape) {
-  if (shape.is_flat) return std::to_string(shape.channels) + " features";
-  return std::to_string(shape.channels) + " x " + std::to_string(shape.height) + " x " +
-         std::to_string(shape.width);
+  if (shape.is_flat) return fmt::format("{} features", shape.channels);
+  return fmt::format("{} x {} x {}", shape.channels, shape.height, shape.width);
 }
 
 }  // namespace
 
 std::string EncoderLayer::text() const {
-  const std::string window = " " + std::to_string(kernel) + "x" + std::to_string(kernel) +
-                             (stride > 1 ? "/" + std::to_string(stride) : "") +
-                             (padding > 0 ? " pad " + std::to_string(padding) : "");
+  const std::string window =
+      fmt::format(" {}x{}{}{}", kernel, kernel, (stride > 1 ? fmt::format("/{}", stride) : ""),
+                  (padding > 0 ? fmt::format(" pad {}", padding) : ""));
   const std::string word(kActivations[static_cast<std::size_t>(activation)]);
   const std::string after = activation == Activation::kElu ? "" : " " + word;
   switch (kind) {
     case LayerKind::kConv:
-      return "conv " + std::to_string(outputs) + window + after;
+      return fmt::format("conv {}{}{}", outputs, window, after);
     case LayerKind::kPool:
       return "pool" + window;
     case LayerKind::kResidual:
@@ -160,7 +161,7 @@ std::string EncoderLayer::text() const {
     case LayerKind::kFlatten:
       return "flatten";
     case LayerKind::kLinear:
-      return "linear " + std::to_string(outputs) + after;
+      return fmt::format("linear {}{}", outputs, after);
     case LayerKind::kActivation:
       return word;
   }
@@ -244,7 +245,7 @@ Expected<std::vector<EncoderLayer>> parse_encoder(const std::string& encoder) {
     COMRAD_TRY_ASSIGN(const EncoderLayer layer, parse_layer(lower_case(one)));
     COMRAD_TRY_ASSIGN(shape, shape_after(layer, shape));
     if (layers.size() == kLayersMax)
-      return Error{ErrorCode::kBadInput, "encoder has more than " + std::to_string(kLayersMax) + " layers"};
+      return Error{ErrorCode::kBadInput, fmt::format("encoder has more than {} layers", kLayersMax)};
     layers.push_back(layer);
   }
   if (!shape.is_flat)
@@ -252,9 +253,11 @@ Expected<std::vector<EncoderLayer>> parse_encoder(const std::string& encoder) {
                  "encoder '" + encoder + "' ends with " + shape_text(shape) +
                      "; it must end in features: put flatten, and usually a linear layer, behind it"};
   if (shape.channels > kEncoderFeaturesMax)
-    return Error{ErrorCode::kBadInput, "encoder '" + encoder + "' ends with " + shape_text(shape) +
-                                           "; at most " + std::to_string(kEncoderFeaturesMax) +
-                                           " may reach the core, put a linear layer behind flatten"};
+    return Error{
+        ErrorCode::kBadInput,
+        fmt::format(
+            "encoder '{}' ends with {}; at most {} may reach the core, put a linear layer behind flatten",
+            encoder, shape_text(shape), kEncoderFeaturesMax)};
   return layers;
 }
 

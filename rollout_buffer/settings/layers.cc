@@ -1,5 +1,7 @@
 #include "rollout_buffer/settings/layers.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <optional>
@@ -52,11 +54,10 @@ Expected<Values> values_of(const toml::table& table, const std::string& path) {
     const bool may_be_a_list = row != nullptr && row->may_be_a_list();
     std::optional<std::string> text = may_be_a_list ? value_text(node) : toml_scalar_text(node);
     if (!text)
-      return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +
-                                              std::to_string(node.source().begin.column) + ": setting '" +
-                                              std::string(key.str()) +
-                                              "' is neither text, a number, true nor false" +
-                                              (may_be_a_list ? ", nor a list of these" : "")};
+      return Error{ErrorCode::kBadFormat,
+                   fmt::format("{}:{}:{}: setting '{}' is neither text, a number, true nor false{}", path,
+                               node.source().begin.line, node.source().begin.column, key.str(),
+                               (may_be_a_list ? ", nor a list of these" : ""))};
     // A run's folder may be moved: what lies in it is named as the file that names it sees it.
     if (row != nullptr && row->name == "encoder" && is_encoder_file(*text))
       text = (std::filesystem::path(path).parent_path() / *text).string();
@@ -138,9 +139,8 @@ Expected<SettingsLayer> read_settings_toml(const std::string& path) {
     }
     COMRAD_TRY_ASSIGN(layer.values, values_of(document, path));
   } catch (const toml::parse_error& failure) {
-    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(failure.source().begin.line) + ":" +
-                                            std::to_string(failure.source().begin.column) + ": " +
-                                            std::string(failure.description())};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: {}", path, failure.source().begin.line,
+                                                    failure.source().begin.column, failure.description())};
   }
   return layer;
 }

@@ -1,5 +1,7 @@
 #include "rollout_buffer/settings/reference_scores.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <toml++/toml.h>
 
 #include "rollout_buffer/core/files.h"
@@ -23,9 +25,8 @@ Expected<std::optional<ReferenceScores>> find_reference_scores(std::string_view 
                    label + ": " + scenario + " needs numbers 'random' and 'scripted', the second the larger"};
     return Found({.random = *random, .scripted = *scripted});
   } catch (const toml::parse_error& failure) {
-    return Error{ErrorCode::kBadFormat, label + ":" + std::to_string(failure.source().begin.line) + ":" +
-                                            std::to_string(failure.source().begin.column) + ": " +
-                                            std::string(failure.description())};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: {}", label, failure.source().begin.line,
+                                                    failure.source().begin.column, failure.description())};
   }
 }
 

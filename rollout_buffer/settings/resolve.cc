@@ -1,5 +1,7 @@
 #include "rollout_buffer/settings/resolve.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <string>
@@ -51,12 +53,13 @@ Status check_q_combinations(const RunConfig& c) {
     return refuse("td_lambda is " + real_text(c.q_learning.td_lambda) +
                   "; without a recurrent core single decisions are drawn, use --n_step");
   if (c.q_learning.n_step > c.collection.rollout)
-    return refuse("n_step is " + std::to_string(c.q_learning.n_step) + "; a trajectory holds rollout " +
-                  std::to_string(c.collection.rollout) + " decisions");
+    return refuse(fmt::format("n_step is {}; a trajectory holds rollout {} decisions", c.q_learning.n_step,
+                              c.collection.rollout));
   if (c.q_learning.burn_in > 0 && (!c.network.use_rnn || c.q_learning.burn_in >= c.collection.rollout))
-    return refuse("burn_in is " + std::to_string(c.q_learning.burn_in) +
-                  "; it needs a recurrent core and must leave some of the rollout's " +
-                  std::to_string(c.collection.rollout) + " decisions to learn from");
+    return refuse(
+        fmt::format("burn_in is {}; it needs a recurrent core and must leave some of the rollout's {} "
+                    "decisions to learn from",
+                    c.q_learning.burn_in, c.collection.rollout));
   if (follows_kl(c.optimisation.lr_schedule))
     return refuse("lr_schedule is " + std::string(word_of(c.optimisation.lr_schedule)) + "; " +
                   c.run.algo.name() +
@@ -182,15 +185,14 @@ void resolve_q_learning(RunConfig& c) {
 Status resolve_deterministic_batches(RunConfig& c) {
   const int64_t slab_rows = c.collection.rollout * c.environment.num_agents,
                 env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
-  const std::string envs = std::to_string(env_count) + " environments (num_workers " +
-                           std::to_string(c.collection.num_workers) + " x num_envs_per_worker " +
-                           std::to_string(c.collection.num_envs_per_worker) + ")";
+  const std::string envs = fmt::format("{} environments (num_workers {} x num_envs_per_worker {})", env_count,
+                                       c.collection.num_workers, c.collection.num_envs_per_worker);
   if (env_count % c.optimisation.num_batches_per_epoch != 0)
     return Error{
         ErrorCode::kBadInput,
-        "deterministic: one rollout of " + envs + " cannot be cut into num_batches_per_epoch " +
-            std::to_string(c.optimisation.num_batches_per_epoch) +
-            " equal batches; make num_envs_per_worker a multiple of it, or set --num_batches_per_epoch 1"};
+        fmt::format("deterministic: one rollout of {} cannot be cut into num_batches_per_epoch {} equal "
+                    "batches; make num_envs_per_worker a multiple of it, or set --num_batches_per_epoch 1",
+                    envs, c.optimisation.num_batches_per_epoch)};
   const int64_t slabs_in_all = env_count / c.optimisation.num_batches_per_epoch;
   const int64_t wanted = std::min(c.optimisation.batch_size / slab_rows, slabs_in_all);
   int64_t slabs = wanted;
@@ -198,11 +200,11 @@ Status resolve_deterministic_batches(RunConfig& c) {
   if (2 * slabs < wanted)
     return Error{
         ErrorCode::kBadInput,
-        "deterministic: batch_size is " + std::to_string(c.optimisation.batch_size) +
-            ", but one rollout of " + envs + " holds " + std::to_string(env_count * slab_rows) +
-            " agent decisions, which it does not divide; set --num_workers and --num_envs_per_worker so "
-            "that their product is a multiple of " +
-            std::to_string(wanted) + ", or --batch_size " + std::to_string(slabs_in_all * slab_rows)};
+        fmt::format("deterministic: batch_size is {}, but one rollout of {} holds {} agent decisions, which "
+                    "it does not divide; set --num_workers and --num_envs_per_worker so that their product "
+                    "is a multiple of {}, or --batch_size {}",
+                    c.optimisation.batch_size, envs, env_count * slab_rows, wanted,
+                    slabs_in_all * slab_rows)};
   c.optimisation.batch_size = slabs * slab_rows;
   return {};
 }
@@ -212,7 +214,7 @@ Status check_learners(const RunConfig& c) {
   const int64_t learners = c.collection.learners;
   if (learners == 1) return {};
   const auto refuse = [&](const std::string& message) {
-    return Error{ErrorCode::kBadInput, "learners is " + std::to_string(learners) + "; " + message};
+    return Error{ErrorCode::kBadInput, fmt::format("learners is {}; {}", learners, message)};
   };
   // What `count` would be next where learners share it without a remainder.
   const auto divided = [learners](int64_t count) { return (count / learners + 1) * learners; };
@@ -223,32 +225,33 @@ Status check_learners(const RunConfig& c) {
   if (draws) {
     const DrawnBatch drawn = drawn_batch(c, c.environment.num_agents);
     if (drawn.units % learners != 0)
-      return refuse("an update's " + std::to_string(drawn.units) +
-                    (drawn.unit == DrawnBatch::Unit::kSequence ? " sequences" : " decisions") +
-                    " are not divided by it without a remainder; set --replay_batch_size " +
-                    std::to_string(divided(drawn.units) * drawn.setting_value_per_unit));
+      return refuse(fmt::format(
+          "an update's {}{} are not divided by it without a remainder; set --replay_batch_size {}",
+          drawn.units, (drawn.unit == DrawnBatch::Unit::kSequence ? " sequences" : " decisions"),
+          divided(drawn.units) * drawn.setting_value_per_unit));
     if (env_count < learners)
-      return refuse("each has a replay of the trajectories of some environments, and there are " +
-                    std::to_string(env_count) +
-                    "; raise --num_workers or --num_envs_per_worker, or lower --learners");
+      return refuse(
+          fmt::format("each has a replay of the trajectories of some environments, and there are {}; raise "
+                      "--num_workers or --num_envs_per_worker, or lower --learners",
+                      env_count));
   }
   // Asynchronous Q-learning counts what comes in, and takes it in by single trajectories.
   if (draws && c.collection.async_rl) return {};
   if (slabs % learners != 0)
     return refuse(
-        "a batch of " + std::to_string(slabs) +
-        " trajectories (batch_size x num_batches_per_epoch / (rollout x num_agents)) is not divided by it "
-        "without a remainder; set --batch_size " +
-        std::to_string(divided(slabs) * slab_rows / c.optimisation.num_batches_per_epoch));
+        fmt::format("a batch of {} trajectories (batch_size x num_batches_per_epoch / (rollout x "
+                    "num_agents)) is not divided by it without a remainder; set --batch_size {}",
+                    slabs, divided(slabs) * slab_rows / c.optimisation.num_batches_per_epoch));
   if (!draws && (slabs / learners) % c.optimisation.num_batches_per_epoch != 0)
-    return refuse("each has " + std::to_string(slabs / learners) +
-                  " trajectories of a batch, which num_batches_per_epoch " +
-                  std::to_string(c.optimisation.num_batches_per_epoch) +
-                  " does not divide without a remainder");
+    return refuse(
+        fmt::format("each has {} trajectories of a batch, which num_batches_per_epoch {} does not divide "
+                    "without a remainder",
+                    slabs / learners, c.optimisation.num_batches_per_epoch));
   if (!c.collection.async_rl && env_count % slabs != 0)
-    return refuse("lock step cuts the trajectories of " + std::to_string(env_count) +
-                  " environments (num_workers x num_envs_per_worker) into batches of " +
-                  std::to_string(slabs) + ", which must leave no rest");
+    return refuse(
+        fmt::format("lock step cuts the trajectories of {} environments (num_workers x num_envs_per_worker) "
+                    "into batches of {}, which must leave no rest",
+                    env_count, slabs));
   return {};
 }
 
@@ -289,10 +292,9 @@ Status resolve_settings(RunConfig& config, int core_count) {
     c.collection.policy_workers = std::min(
         {on_gpu ? devices_of_policies(c) : std::max<int64_t>(1, cores / 5), group_count, int64_t{64}});
   if (c.collection.policy_workers > group_count)
-    return Error{ErrorCode::kBadInput,
-                 "policy_workers is " + std::to_string(c.collection.policy_workers) + "; only " +
-                     std::to_string(group_count) +
-                     " groups of environments (num_workers x worker_num_splits) could feed them"};
+    return Error{ErrorCode::kBadInput, fmt::format("policy_workers is {}; only {} groups of environments "
+                                                   "(num_workers x worker_num_splits) could feed them",
+                                                   c.collection.policy_workers, group_count)};
 
   // A third of the groups of a policy worker make a batch, as in Sample Factory, or all where there is one split; the
   // deadline covers the rest.
@@ -307,17 +309,15 @@ Status resolve_settings(RunConfig& config, int core_count) {
   if (c.collection.max_batch == 0)
     c.collection.max_batch = std::max(c.collection.min_batch, std::min(served_envs, kBatchEnvsOfAuto));
   if (c.collection.max_batch < c.collection.min_batch)
-    return Error{ErrorCode::kBadInput, "max_batch is " + std::to_string(c.collection.max_batch) +
-                                           "; it must be at least min_batch (" +
-                                           std::to_string(c.collection.min_batch) + ")"};
+    return Error{ErrorCode::kBadInput, fmt::format("max_batch is {}; it must be at least min_batch ({})",
+                                                   c.collection.max_batch, c.collection.min_batch)};
 
   const int64_t slab_rows = c.collection.rollout * c.environment.num_agents;
   if (c.optimisation.batch_size < slab_rows)
-    return Error{ErrorCode::kBadInput, "batch_size is " + std::to_string(c.optimisation.batch_size) +
-                                           "; it must hold at least one trajectory of all agents, rollout " +
-                                           std::to_string(c.collection.rollout) + " x num_agents " +
-                                           std::to_string(c.environment.num_agents) + " = " +
-                                           std::to_string(slab_rows)};
+    return Error{ErrorCode::kBadInput, fmt::format("batch_size is {}; it must hold at least one trajectory "
+                                                   "of all agents, rollout {} x num_agents {} = {}",
+                                                   c.optimisation.batch_size, c.collection.rollout,
+                                                   c.environment.num_agents, slab_rows)};
   c.optimisation.batch_size -= c.optimisation.batch_size % slab_rows;
   if (c.optimisation.micro_batch_size > 0)
     c.optimisation.micro_batch_size =
@@ -346,10 +346,9 @@ Status resolve_settings(RunConfig& config, int core_count) {
   }
   if (c.collection.trajectory_slabs < least_slabs)
     return Error{ErrorCode::kBadInput,
-                 "trajectory_slabs is " + std::to_string(c.collection.trajectory_slabs) +
-                     "; it must be at least " + std::to_string(least_slabs) +
-                     (c.collection.deterministic ? ", one per environment" : ", one full batch") +
-                     ", or 0 for auto"};
+                 fmt::format("trajectory_slabs is {}; it must be at least {}{}, or 0 for auto",
+                             c.collection.trajectory_slabs, least_slabs,
+                             (c.collection.deterministic ? ", one per environment" : ", one full batch"))};
   config = std::move(c);
   return {};
 }

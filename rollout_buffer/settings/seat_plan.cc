@@ -1,5 +1,7 @@
 #include "rollout_buffer/settings/seat_plan.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <toml++/toml.h>
 
 #include <algorithm>
@@ -56,14 +58,14 @@ Expected<SeatPlan> parse_seat_plan(std::string_view text, const std::string& lab
         const auto settings = one == nullptr ? std::nullopt : (*one)["settings"].value<std::string>();
         const auto checkpoint = one == nullptr ? std::nullopt : (*one)["checkpoint"].value<std::string>();
         if (!settings || !checkpoint)
-          return bad("network " + std::to_string(plan.networks.size()) +
-                     " needs the texts 'settings' and 'checkpoint'");
+          return bad(
+              fmt::format("network {} needs the texts 'settings' and 'checkpoint'", plan.networks.size()));
         plan.networks.push_back({*settings, *checkpoint});
       }
     const toml::array* seats = document["seat"].as_array();
     if (seats == nullptr || seats->empty()) return bad("lists no seats");
     for (const toml::node& node : *seats) {
-      const std::string where = "seat " + std::to_string(plan.seats.size());
+      const std::string where = fmt::format("seat {}", plan.seats.size());
       const toml::table* one = node.as_table();
       const auto player = one == nullptr ? std::nullopt : (*one)["player"].value<std::string>();
       if (!player) return bad(where + " needs the text 'player'");
@@ -74,15 +76,13 @@ Expected<SeatPlan> parse_seat_plan(std::string_view text, const std::string& lab
       if (seat.player == SeatPlayer::kNetwork) {
         seat.network = (*one)["network"].value_or(-1);
         if (seat.network < 0 || seat.network >= static_cast<int>(plan.networks.size()))
-          return bad(where + ": it has no network of the " + std::to_string(plan.networks.size()) +
-                     " listed");
+          return bad(fmt::format("{}: it has no network of the {} listed", where, plan.networks.size()));
       }
       plan.seats.push_back(seat);
     }
   } catch (const toml::parse_error& failure) {
-    return Error{ErrorCode::kBadFormat, label + ":" + std::to_string(failure.source().begin.line) + ":" +
-                                            std::to_string(failure.source().begin.column) + ": " +
-                                            std::string(failure.description())};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: {}", label, failure.source().begin.line,
+                                                    failure.source().begin.column, failure.description())};
   }
   return plan;
 }
@@ -94,8 +94,8 @@ Expected<SeatPlan> read_seat_plan(const std::string& run_dir, int num_agents) {
     return Error{ErrorCode::kNotFound, path + ": cannot be read; `comrad eval` writes it for its workers"};
   COMRAD_TRY_ASSIGN(SeatPlan plan, parse_seat_plan(*text, path));
   if (plan.seats.size() != static_cast<std::size_t>(num_agents))
-    return Error{ErrorCode::kBadFormat, path + ": lists " + std::to_string(plan.seats.size()) +
-                                            " seats, the team has " + std::to_string(num_agents) + " agents"};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}: lists {} seats, the team has {} agents", path,
+                                                    plan.seats.size(), num_agents)};
   return plan;
 }
 

@@ -1,5 +1,7 @@
 #include "rollout_buffer/settings/trained_game.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <toml++/toml.h>
 
 #include <optional>
@@ -19,9 +21,8 @@ Expected<RunConfig> settings_of_checkpoint(std::string_view text, const std::str
       if (value && find_setting(key.str()) != nullptr) COMRAD_TRY(set(config, label, key.str(), *value));
     }
   } catch (const toml::parse_error& failure) {
-    return Error{ErrorCode::kBadFormat, label + ":" + std::to_string(failure.source().begin.line) + ":" +
-                                            std::to_string(failure.source().begin.column) + ": " +
-                                            std::string(failure.description())};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: {}", label, failure.source().begin.line,
+                                                    failure.source().begin.column, failure.description())};
   }
   return config;
 }

@@ -1,5 +1,7 @@
 #include "rollout_buffer/shm/arena.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -80,22 +82,22 @@ Expected<Arena> Arena::adopt(int descriptor) {
   COMRAD_TRY_ASSIGN(Segment segment, Segment::adopt(descriptor));
   ArenaHeader header{};
   if (segment.size_bytes() < static_cast<int64_t>(sizeof header))
-    return Error{ErrorCode::kBadFormat,
-                 "arena: " + std::to_string(segment.size_bytes()) + " bytes hold no header"};
+    return Error{ErrorCode::kBadFormat, fmt::format("arena: {} bytes hold no header", segment.size_bytes())};
   std::memcpy(&header, segment.data(), sizeof header);  // from here on the peer cannot change what we checked
   if (header.magic != kArenaMagic)
     return Error{ErrorCode::kBadFormat, "arena: wrong magic number; the peer is no COMRAD run"};
   if (header.arena_version != kArenaVersion)
-    return Error{ErrorCode::kBadFormat, "arena: version " + std::to_string(header.arena_version) +
-                                            ", this build speaks " + std::to_string(kArenaVersion) +
-                                            "; start all programs of a run from one build"};
+    return Error{
+        ErrorCode::kBadFormat,
+        fmt::format("arena: version {}, this build speaks {}; start all programs of a run from one build",
+                    header.arena_version, kArenaVersion)};
   if (Status valid = validate(header.shape); !valid)
     return Error{ErrorCode::kBadFormat, "arena: the header is damaged: " + valid.error().message};
   auto rooms = std::make_unique<Rooms>(header.shape, header.run_id, segment.data());
   if (rooms->size_bytes != header.size_bytes || rooms->size_bytes != segment.size_bytes())
-    return Error{ErrorCode::kBadFormat, "arena: the header's shapes need " +
-                                            std::to_string(rooms->size_bytes) + " bytes, the segment holds " +
-                                            std::to_string(segment.size_bytes())};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("arena: the header's shapes need {} bytes, the segment holds {}",
+                             rooms->size_bytes, segment.size_bytes())};
   return Arena(std::move(segment), std::move(rooms));
 }
 

@@ -1,5 +1,7 @@
 #include "rollout_buffer/shm/arena_shape.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <string>
 
@@ -8,9 +10,8 @@ namespace {
 
 Status check_range(const char* name, int64_t value, int64_t low, int64_t high) {
   if (value >= low && value <= high) return {};
-  return Error{ErrorCode::kBadInput, std::string("arena: ") + name + " is " + std::to_string(value) +
-                                         "; it must lie in " + std::to_string(low) + ".." +
-                                         std::to_string(high)};
+  return Error{ErrorCode::kBadInput,
+               fmt::format("arena: {} is {}; it must lie in {}..{}", name, value, low, high)};
 }
 
 }  // namespace

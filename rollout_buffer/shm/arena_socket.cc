@@ -1,5 +1,7 @@
 #include "rollout_buffer/shm/arena_socket.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -179,8 +181,8 @@ Expected<JoinRequest> ArenaServer::serve_one() {
   if (size != static_cast<ssize_t>(sizeof request) || request.magic != kArenaMagic)
     return refuse("it does not speak the joining protocol");
   if (request.arena_version != kArenaVersion)
-    return refuse("its arena version is " + std::to_string(request.arena_version) + ", the run's is " +
-                  std::to_string(kArenaVersion) + "; start all programs from one build");
+    return refuse(fmt::format("its arena version is {}, the run's is {}; start all programs from one build",
+                              request.arena_version, kArenaVersion));
   request.role[sizeof request.role - 1] = '\0';
   COMRAD_TRY(send_reply(peer.get(), "", arena_descriptor_));
   return request;
@@ -207,9 +209,9 @@ Expected<Arena> join_arena(const std::string& name, const JoinRequest& request, 
     if (send(peer.get(), &request, sizeof request, MSG_NOSIGNAL) != static_cast<ssize_t>(sizeof request))
       return system_error("joining run " + name);
     if (!await_readable(peer.get(), std::max<int64_t>(0, (deadline_ns - monotonic_ns()) / 1'000'000)))
-      return Error{ErrorCode::kTimeout, "joining run " + name + ": no answer within " +
-                                            std::to_string(timeout_ms) +
-                                            " ms; the supervisor hangs or is stopped"};
+      return Error{ErrorCode::kTimeout,
+                   fmt::format("joining run {}: no answer within {} ms; the supervisor hangs or is stopped",
+                               name, timeout_ms)};
     COMRAD_TRY_ASSIGN(const int descriptor, receive_arena(peer.get(), name));
     return Arena::adopt(descriptor);
   }

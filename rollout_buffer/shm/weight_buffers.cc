@@ -1,5 +1,7 @@
 #include "rollout_buffer/shm/weight_buffers.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <cstring>
@@ -71,8 +73,9 @@ Expected<PolicyVersion> WeightBuffers::read(std::vector<std::byte>& out) const {
     if (buffer.sequence.load(std::memory_order_relaxed) == sequence && checksum64(out) == checksum)
       return version;
   }
-  return Error{ErrorCode::kBadFormat, "weights: the checksum of version " + std::to_string(version()) +
-                                          " kept failing; the learner must publish again"};
+  return Error{ErrorCode::kBadFormat,
+               fmt::format("weights: the checksum of version {} kept failing; the learner must publish again",
+                           version())};
 }
 
 }  // namespace comrad::shm

@@ -1,5 +1,7 @@
 #include "rollout_buffer/shm/worker_shell.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <signal.h>
 #include <sys/prctl.h>
 
@@ -96,7 +98,7 @@ int WorkerShell::fail(const std::string& message, int code) const {
 
 Expected<Arena> WorkerShell::join() const {
   COMRAD_TRY(
-      share_stages(run_dir_ + "/" + kStagesFolder, program_.role + "-" + std::to_string(worker_index_)));
+      share_stages(run_dir_ + "/" + kStagesFolder, fmt::format("{}-{}", program_.role, worker_index_)));
   JoinRequest request;
   std::strncpy(request.role, program_.role.c_str(), sizeof request.role - 1);
   request.worker_index = static_cast<uint32_t>(worker_index_);
@@ -116,8 +118,8 @@ void BenchShape::add_flags(Flags& flags) {
 
 Expected<EnvShape> BenchShape::env() const {
   if (heads.empty() || heads.size() > static_cast<std::size_t>(kMaxHeads))
-    return Error{ErrorCode::kBadInput, "--heads has " + std::to_string(heads.size()) +
-                                           " entries; it needs 1 to " + std::to_string(kMaxHeads)};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("--heads has {} entries; it needs 1 to {}", heads.size(), kMaxHeads)};
   TrajectoryShape shape;
   shape.env.num_agents = num_agents;
   shape.env.measurement_count = measurements;

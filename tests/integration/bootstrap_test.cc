@@ -398,14 +398,14 @@ class SmallProjectWithDriver : public SmallProjectWithTools {
                         "  Release Build  (root@host)\nGCC version:  gcc 12.2.0\n");
   }
   /// CMake's last argument: a folder with a PyTorch; empty: Debian's.
-  std::string told_cmake() const { return read_text(home_ / "build/torch.argument"); }
+  std::string cmake_argument() const { return read_text(home_ / "build/torch.argument"); }
   const std::string folder_ = home_ / "build/torch";
 };
 
 TEST_F(SmallProjectWithDriver, GetsTheCudaPyTorchOnceAndSaysBeforehandHowLargeItIs) {
   const Ending first = run_with_tools({"version"});
   ASSERT_EQ(first.exit_code, 0) << first.err;
-  EXPECT_EQ(told_cmake(), folder_);
+  EXPECT_EQ(cmake_argument(), folder_);
   const std::string size =
       "torch==9.1 with CUDA 13.0 from PyPI in " + folder_ + ": about 30 MB to download, 50 MB on the disk";
   EXPECT_THAT(first.err,
@@ -432,22 +432,22 @@ TEST_F(SmallProjectWithDriver, ChoosesByDriverAndByCOMRAD_TORCH) {
   };
   driver("570.133.20");
   EXPECT_THAT(chosen("auto"), HasSubstr("torch==8.0 with CUDA 12.8"));
-  EXPECT_EQ(told_cmake(), folder_);
+  EXPECT_EQ(cmake_argument(), folder_);
   driver("470.256.02");
   EXPECT_THAT(chosen("auto"),
               AllOf(HasSubstr("torch==8.0 requires an NVIDIA driver of version 525, this one has 470.256.02"),
                     HasSubstr("COMRAD_TORCH=FOLDER")));
-  EXPECT_EQ(told_cmake(), "");
+  EXPECT_EQ(cmake_argument(), "");
   driver("580.65.06");
   chosen("debian");
-  EXPECT_EQ(told_cmake(), "");
+  EXPECT_EQ(cmake_argument(), "");
   EXPECT_THAT(take_asked_for("apt"), HasSubstr("libtorch-dev"));
   fs::remove(home_ / "driver");
   EXPECT_THAT(chosen("pip"), HasSubstr("torch==9.1 with CUDA 13.0"))
       << "requested by name it needs no driver";
-  EXPECT_EQ(told_cmake(), folder_);
+  EXPECT_EQ(cmake_argument(), folder_);
   EXPECT_THAT(chosen("auto"), HasSubstr("building programs"));
-  EXPECT_EQ(told_cmake(), "") << "no driver";
+  EXPECT_EQ(cmake_argument(), "") << "no driver";
   write("driver", "no version at all\n");
   EXPECT_EQ(chosen("auto"), "");
 }
@@ -459,13 +459,13 @@ TEST_F(SmallProjectWithDriver, OfflineHostsNameAFolder) {
   write("carried/nvidia_cuda_cccl-13.0.85-py3-none-linux_x86_64.whl", "");
   const Ending wheels = run_with_tools({"version"}, {{"COMRAD_TORCH", (home_ / "carried").string()}});
   EXPECT_EQ(wheels.exit_code, 0) << wheels.err;
-  EXPECT_EQ(told_cmake(), folder_);
+  EXPECT_EQ(cmake_argument(), folder_);
   EXPECT_THAT(take_asked_for("python"),
               HasSubstr("--no-index --find-links " + (home_ / "carried").string() +
                         " --quiet torch==7.5.0+cu128 nvidia-cuda-crt nvidia-cuda-cccl\n"));
   fs::create_directories(home_ / "mine/lib");
   EXPECT_EQ(run_with_tools({"version"}, {{"COMRAD_TORCH", (home_ / "mine").string()}}).exit_code, 0);
-  EXPECT_EQ(told_cmake(), (home_ / "mine").string()) << "one that is installed is CMake's to look into";
+  EXPECT_EQ(cmake_argument(), (home_ / "mine").string()) << "one that is installed is CMake's to look into";
   EXPECT_EQ(take_asked_for("python"), "");
 }
 
@@ -501,7 +501,7 @@ TEST_F(SmallProjectWithDriver, SaysWhatToDoWhereThePyTorchCannotBeHad) {
   const Ending told = run_with_tools({"version"}, {{"COMRAD_NO_INSTALL", "1"}});
   EXPECT_EQ(told.exit_code, 0) << told.err;
   EXPECT_THAT(told.err, HasSubstr("COMRAD_NO_INSTALL is set: networks will run on the CPU"));
-  EXPECT_EQ(told_cmake(), "");
+  EXPECT_EQ(cmake_argument(), "");
   const Ending asked = run_with_tools({"version"}, {{"COMRAD_NO_INSTALL", "1"}, {"COMRAD_TORCH", "pip"}});
   EXPECT_EQ(asked.exit_code, 1);
   EXPECT_THAT(asked.err, AllOf(HasSubstr("COMRAD_NO_INSTALL is set"), HasSubstr("COMRAD_TORCH=FOLDER")));

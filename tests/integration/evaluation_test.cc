@@ -89,7 +89,7 @@ TEST(Evaluation, FilmsThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
            {{"--episodes_dir", scratch / "no/e"}, "is no folder"},
            {{"--episodes_dir", "/proc"}, "--episodes_dir="},
            {{"--episodes_dir", scratch / "e", "--frames", scratch / "f"}, "start comrad eval twice"},
-           {{"--policy", ""}, "nothing stands where a value should"},
+           {{"--policy", ""}, "the value is empty"},
            {{"--policy", "no_such_run"}, "no run 'no_such_run'"},
            {{"--cross_play", "random,oracle"}, "leave --policy and --seat out"},
            {{"--seat", "7=oracle"}, "--seat=7=oracle: the team has 2 agents"},

@@ -2,7 +2,7 @@
 //
 //   sweep_probe start FILE           `comrad sweep FILE`, with one scenario that needs no programs
 //   sweep_probe sweep element ...    an attempt, as the backends start it
-//   sweep_probe eval --policy RUN_DIR ...   what keeps a result asks for: two episodes that scored 1 and 3;
+//   sweep_probe eval --policy RUN_DIR ...   what keeps a result requests: two episodes that scored 1 and 3;
 //                                        a mean of 4 where it is greedy
 //   sweep_probe train --train_dir D --experiment R --seed S --train_for_env_frames N ...
 //

@@ -27,7 +27,7 @@ class Puppet final : public deploy::Process {
     if (body_->kill_s == 0) body_->kill_s = now_s;
     if (!body_->ignores_kill) body_->end({.code = 0, .signal = SIGKILL}, now_s);
   }
-  void tell(const std::string&) override {}
+  void write_input(const std::string&) override {}
   void end_input() override {
     if (body_->input_ended_s == 0) body_->input_ended_s = host_.clock_.now_s();
   }

@@ -52,9 +52,9 @@ TEST(ChildProcess, HearsWhatItIsToldUntilItsInputEnds) {
   options.takes_input = true;
   const auto child = host.spawn(options);
   ASSERT_TRUE(child) << child.error().message;
-  (*child)->tell("one\ntwo\n");
+  (*child)->write_input("one\ntwo\n");
   (*child)->end_input();
-  (*child)->tell("three\n");
+  (*child)->write_input("three\n");
   std::vector<std::string> lines;
   const auto read_all = [&] {
     for (std::string& line : (*child)->read_lines()) lines.push_back(line);

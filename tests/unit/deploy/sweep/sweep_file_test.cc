@@ -386,8 +386,8 @@ TEST(LocalSlots, GiveEveryRunCoresOfItsOwnAndCheckTheSums) {
 TEST(SweepElement, SaysWhatAnAttemptCameTo) {
   RunRecord begun;
   begun.env_frames_at_start = 1000;
-  const auto state = [&](ExitStatus how, bool was_told, const char* status, double frames, bool slurm) {
-    return judge_attempt(begun, how, was_told, status, frames, "why", slurm).state;
+  const auto state = [&](ExitStatus how, bool was_stopped, const char* status, double frames, bool slurm) {
+    return judge_attempt(begun, how, was_stopped, status, frames, "why", slurm).state;
   };
   EXPECT_EQ(state({.code = 0}, false, "finished", 5000, false), RunState::kFinished);
   EXPECT_EQ(state({.code = 0}, true, "paused", 5000, false), RunState::kInterrupted);
