@@ -95,7 +95,7 @@ class PageCommands:
         )
 
     def help_of(self, words: list[str]) -> str:
-        """The help of a command, with that of its second word where it has flags of its own."""
+        """The help of a command, with that of its second word where it has separate flags."""
         name, second = words[0], words[1] if len(words) > 1 and re.fullmatch(r"[a-z]\w+", words[1]) else ""
         key = (name, second if name in ("bench", "doomgen", "sweep") else "")
         if key not in self.help:
