@@ -122,7 +122,7 @@ def files(home: pathlib.Path, part: str) -> tuple[str, list[str]]:
 
 
 def layout_parameters(comrad: str, scenario: str) -> str:
-    """What a scenario's recipe can be told, as `comrad scenarios describe` knows it."""
+    """The parameters of a scenario's recipe, from `comrad scenarios describe`."""
     described = json.loads(output_of(comrad, "scenarios", "describe", scenario, "--json"))
     rows = "".join(
         f"| `{one['name']}` | {one['default']} | {one['low']} to {one['high']} | {cell(one['help'])} |\n" for one in described["layout_parameters"]
