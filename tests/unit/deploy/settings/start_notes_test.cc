@@ -89,7 +89,7 @@ TEST(LeftOut, ARunsConfigOfAnOlderVersionIsTakenWhole) {
     of_a_run.values.emplace_back(std::string(row.name), row.text(RunConfig()));
   EXPECT_THAT(left_out_text(of_a_run),
               AllOf(HasSubstr("old/config.toml has no table [explicit]"), HasSubstr("older version wrote"),
-                    HasSubstr("all its settings are taken")));
+                    HasSubstr("all its settings apply")));
   of_a_run.explicit_values = {{"num_workers", "0"}};
   EXPECT_THAT(left_out_text(of_a_run), ::testing::Not(HasSubstr("older version")));
 }
