@@ -214,9 +214,7 @@ void CommandLine::add_option(const std::string& name, std::vector<std::string>& 
   flag.assign = [&target, name](const std::string& text) -> Status {
     std::istringstream words(text + ",");
     for (std::string word; std::getline(words, word, ',');) {
-      if (word.empty())
-        return Error{ErrorCode::kBadInput,
-                     "--" + name + "=" + text + ": the value is empty"};
+      if (word.empty()) return Error{ErrorCode::kBadInput, "--" + name + "=" + text + ": the value is empty"};
       target.push_back(std::move(word));
     }
     return {};
