@@ -37,7 +37,7 @@ def with_need(below: list[str]) -> str:
     """The first line of a fenced block that names what its commands need; `below` begins with its second."""
     block = below[: next((at for at, line in enumerate(below) if line.startswith("```")), len(below))]
     need = need_of(block)
-    return f'```text title="Needs {need}"' if need else "```text"
+    return f'```text title="Not run by a test: needs {need}"' if need else "```text"
 
 
 class Stage:
@@ -84,9 +84,18 @@ class Stage:
         for index in range(0, len(parts), 1):
             if parts[index].startswith("`") and not parts[index].endswith("](") and "](" not in parts[index]:
                 continue
-            parts[index] = LINK.sub(lambda match: match[1] + self.target(page, match[2]) + match[3], parts[index])
+            parts[index] = LINK.sub(lambda match: self.link(page, match), parts[index])
             parts[index] = PICTURE.sub(lambda match: match[1] + self.target(page, match[2]) + match[3], parts[index])
         return "".join(parts)
+
+    def link(self, page: pathlib.Path, match: re.Match) -> str:
+        """A link of the site; one that shows a page's file name shows its title instead."""
+        text, link = match[1], match[2]
+        source = self.home / page.parent / link.partition("#")[0]
+        if re.fullmatch(r"\[(?:[\w./]+/)?[A-Z_]+\.md\]\(", text) and source.is_file():
+            title = re.search(r"^# (.*)", source.read_text(encoding="utf-8"), re.MULTILINE)
+            text = f"[{title[1]}](" if title else text
+        return text + self.target(page, link) + match[3]
 
     def target(self, page: pathlib.Path, link: str) -> str:
         """A link as the site has it; what it leads to is copied. One that leads nowhere stays, for MkDocs to report."""

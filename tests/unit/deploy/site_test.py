@@ -11,10 +11,12 @@ import html.parser
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
 import urllib.parse
+import urllib.request
 
 HOME = pathlib.Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(HOME / "deploy" / "site"))
@@ -148,6 +150,34 @@ def wrong_commands(comrad: str) -> list[str]:
     return found
 
 
+def serving_fails() -> str | None:
+    """What is wrong with serving a folder: one page is asked for, then Ctrl-C; and an address that is none."""
+    with tempfile.TemporaryDirectory() as folder:
+        pathlib.Path(folder, "index.html").write_text("<h1>Served</h1>", encoding="utf-8")
+        program = [sys.executable, "-B", "-c", "import sys, docs; sys.exit(docs.serve(sys.argv[1], sys.argv[2]))", folder]
+        start = {"cwd": HOME / "deploy" / "site", "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        with subprocess.Popen([*program, "127.0.0.1:0"], **start) as server:
+            address = server.stdout.readline().split()
+            page = urllib.request.urlopen(address[0], timeout=60).read().decode() if address else ""
+            server.send_signal(signal.SIGINT)
+            if "Served" not in page or server.wait(60) != 0:
+                return f"comrad docs --serve gave {page!r} and ended with {server.returncode}"
+        wrong = subprocess.run([*program, "nowhere"], check=False, **start)
+        return None if wrong.returncode == 2 and "ADDRESS:PORT" in wrong.stderr else f"a wrong address: {wrong.stderr}"
+
+
+def unanswered(site: pathlib.Path) -> list[str]:
+    """Rows of the questions of newcomers without a link, of which the first page and the menu lead to all."""
+    page = (HOME / "deploy/site/questions.md").read_text(encoding="utf-8")
+    rows = [row for row in page.splitlines() if row.startswith("| ") and "?" in row]
+    found = [f"questions.md: {row}" for row in rows if "](" not in row]
+    if len(rows) < 10:
+        found.append(f"questions.md has {len(rows)} questions")
+    if "deploy/site/questions.html" not in Page((site / "index.html").read_text(encoding="utf-8")).links:
+        found.append("index.html does not lead to questions.html")
+    return found
+
+
 def main() -> int:
     check_itself()
     comrad, python = map(os.path.abspath, sys.argv[1:])
@@ -160,6 +190,10 @@ def main() -> int:
     if wrong:
         print("\n".join(wrong))
         return 1
+    fault = serving_fails()
+    if fault:
+        print(fault)
+        return 1
     if subprocess.run([python, "-c", "import material, mkdocs"], stderr=subprocess.DEVNULL, check=False).returncode:
         print(f"{python} cannot import mkdocs-material: ./comrad test installs it (deploy/requirements_test.txt)")
         return SKIPPED
@@ -169,7 +203,7 @@ def main() -> int:
         if done.returncode:
             print(f"comrad docs ended with {done.returncode}")
             return 1
-        found = findings(pathlib.Path(folder, "site"))
+        found = findings(pathlib.Path(folder, "site")) + unanswered(pathlib.Path(folder, "site"))
         for one in found[:40]:
             print(one)
         for page in ("index.html", "reference/settings.html", "reference/commands.html", "reference/files/learner.html"):
