@@ -157,7 +157,6 @@ std::vector<Json> episode_rows(const EvaluationGame& game, const PlayedTeam& pla
   for (const EpisodeRecord& episode : played.episodes)
     rows.push_back({{"policy", team.name},
                     {"scenario", game.merged.config.run.scenario},
-                    {"scenario_version", game.merged.config.environment.scenario_version},
                     {"episode", episode.episode_id},
                     {"seed", episode.episode_seed},
                     {"layout", game.map_name(episode.episode_id)},
@@ -171,16 +170,17 @@ std::vector<Json> episode_rows(const EvaluationGame& game, const PlayedTeam& pla
                     {"length_tics", episode.length_tics},
                     {"terminated", episode.terminated != 0},
                     {"config_hash", of_seats(game, team, config_hash_of)},
-                    {"checkpoint_hash", of_seats(game, team, checkpoint_hash_of)}});
+                    {"checkpoint_hash", of_seats(game, team, checkpoint_hash_of)},
+                    {"scenario_version", game.merged.config.environment.scenario_version}});
   return rows;
 }
 
 Json summary_row(const Json& summary) {
   Json row;
   for (const char* key :
-       {"policy", "scenario", "scenario_version", "num_agents", "layout", "episodes", "seed", "greedy",
-        "J_mean", "J_ci95", "J_per_agent", "J_share", "J_normalised", "ceiling", "return_mean",
-        "length_tics_mean", "checkpoint", "config_hash", "checkpoint_hash"})
+       {"policy", "scenario", "num_agents", "layout", "episodes", "seed", "greedy", "J_mean", "J_ci95",
+        "J_per_agent", "J_share", "J_normalised", "ceiling", "return_mean", "length_tics_mean", "checkpoint",
+        "config_hash", "checkpoint_hash", "scenario_version"})
     row[key] = summary[key];
   return row;
 }

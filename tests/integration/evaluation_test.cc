@@ -133,6 +133,8 @@ TEST(Evaluation, SeveralPoliciesMeetTheSameEpisodes) {
                         "policy,scenario,episode,seed,layout,map_hash,J,J_per_agent_0,J_per_agent_1,"));
   EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 1 + 3 * 3);
   EXPECT_THAT(rows, HasSubstr("\nnoop,coop_health_gathering,2,"));
+  EXPECT_THAT(rows, HasSubstr(",scenario_version\n"));
+  EXPECT_EQ(all["policies"][0]["scenario_version"], 1);
 
   // How many workers and environments share the episodes decides nothing, and neither do the other players.
   const auto alone = answer_of({"--policy", "random", "--episodes", "3", "--num_workers", "1",
