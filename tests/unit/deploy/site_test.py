@@ -151,7 +151,7 @@ def wrong_commands(comrad: str) -> list[str]:
 
 
 def serving_fails() -> str | None:
-    """What is wrong with serving a folder: one page is asked for, then Ctrl-C; and an address that is none."""
+    """What is wrong with serving a folder: a request for a page, then Ctrl-C; and a wrong address."""
     with tempfile.TemporaryDirectory() as folder:
         pathlib.Path(folder, "index.html").write_text("<h1>Served</h1>", encoding="utf-8")
         program = [sys.executable, "-B", "-c", "import sys, docs; sys.exit(docs.serve(sys.argv[1], sys.argv[2]))", folder]
