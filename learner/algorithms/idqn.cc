@@ -29,7 +29,7 @@ SampleLoss Idqn::loss_of(const Scene& scene) const {
                          .next_value = next.flatten(1).contiguous(),
                          .valid = per_head(batch.valid)},
                         {.gamma = config_.optimisation.gamma,
-                         .n_step = batch.steps() > 1 ? config_.q_learning.n_step : 1,
+                         .n_step = batch.steps() > 1 ? n_step() : 1,
                          .lambda = config_.q_learning.td_lambda,
                          .legacy_timeouts = config_.optimisation.legacy_timeouts})
                  .view_as(next);

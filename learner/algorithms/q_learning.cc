@@ -94,7 +94,8 @@ QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device
       targets_(parameters_of(target_net_, target_mixer_.get()), optimizer_.parameters(),
                config.q_learning.target_update_tau, config.q_learning.target_update_interval, device),
       schedule_(config),
-      runner_(config, device) {}
+      runner_(config, device),
+      n_step_(config.q_learning.n_step.rounded_at(0)) {}
 
 int64_t QLearning::parameter_count() const {
   int64_t count = 0;
@@ -180,7 +181,16 @@ StepRequest QLearning::request_for(Input& input, const Totals& totals, const Upd
           .keep_going = context.keep_going};
 }
 
+void QLearning::place_schedules(double env_frames) {
+  schedule_.before_batch(env_frames);
+  const int64_t n_step = config_.q_learning.n_step.rounded_at(env_frames);
+  if (n_step == n_step_) return;
+  n_step_ = n_step;
+  runner_.forget_recordings();  // it is how often a loop of theirs runs
+}
+
 bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, TermValues& terms) {
+  place_schedules(context.env_frames);
   Input input(*this, parts_of(batch));
   const std::optional<StepOutcome> outcome =
       runner_.gradient_of(request_for(input, totals_of(batch), context));
@@ -192,7 +202,7 @@ bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& con
 
 Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext& context) {
   UpdateStats stats;
-  schedule_.before_batch(context.env_frames);
+  place_schedules(context.env_frames);
   ++updates_;
   const Totals totals = totals_of(batch);
   stats.lag.valid_fraction = totals.valid / totals.places;
@@ -257,6 +267,7 @@ void QLearning::report(const StepOutcome& outcome, UpdateStats& stats) const {
   put("train/loss", outcome.terms.loss());
   append_terms(outcome.terms, stats.values);
   put("train/q_sigma", q_sigma());
+  if (config_.q_learning.td_lambda < 0) put("train/n_step", static_cast<double>(n_step_));
   put("train/grad_norm", runner_.grad_norm());
   put("train/adam_max_second_moment", outcome.max_second_moment);
   put("train/valids_fraction", stats.lag.valid_fraction);

@@ -86,6 +86,8 @@ class QLearning : public OffPolicyAlgorithm {
   /// The actions that a target looks at, i64 [T, R, heads]: with double_dqn the online network's choice, else
   /// the target network's own (van Hasselt et al. 2016, equation 4).
   Tensor next_action(const Scene& scene) const;
+  /// Of targets over sequences at this batch; single decisions come with theirs.
+  int64_t n_step() const { return n_step_; }
   /// The loss of an error by use_huber_loss.
   Tensor loss_of_error(const Tensor& error) const;
 
@@ -105,6 +107,8 @@ class QLearning : public OffPolicyAlgorithm {
     double rewards_read = 0, rewards_clipped = 0;
     double least_probability = 0;  ///< the smallest of the ranks'
   };
+  /// Puts what changes over the run where it stands at these env frames.
+  void place_schedules(double env_frames);
   Totals totals_of(const ReplayBatch& batch);
   StepRequest request_for(Input& input, const Totals& totals, const UpdateContext& context);
   /// The micro-batches of a batch, all on the device before the step begins.
@@ -121,6 +125,7 @@ class QLearning : public OffPolicyAlgorithm {
   LrSchedule schedule_;
   QScale scale_;
   StepRunner runner_;
+  int64_t n_step_;       ///< n_step's schedule at the last batch
   int64_t updates_ = 0;  ///< batches seen
 };
 

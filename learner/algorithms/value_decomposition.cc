@@ -58,7 +58,7 @@ SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
          .next_value = next * (first_of(batch.bootstrap) * scene.sigma),
          .valid = sample_valid(batch).contiguous()},
         {.gamma = config_.optimisation.gamma,
-         .n_step = steps > 1 ? config_.q_learning.n_step : 1,
+         .n_step = steps > 1 ? n_step() : 1,
          .lambda = config_.q_learning.td_lambda,
          .legacy_timeouts = config_.optimisation.legacy_timeouts});
     if (config_.q_learning.q_value_clamp > 0)

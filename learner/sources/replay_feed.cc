@@ -83,7 +83,7 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
       .shape = shape,
       .unit = unit_of(drawn.unit),
       .world_count = drawn.units / learners,
-      .n_step = config.q_learning.n_step,
+      .n_step = config.q_learning.n_step.rounded_at(0),
       .pay = {.gamma = config.optimisation.gamma,
               .reward_clip = learns_alone ? config.q_learning.dqn_reward_clip : 0.0},
       .agents_end = learns_alone,
@@ -284,7 +284,9 @@ void ReplayFeed::fill_next(ReplayBatch& batch) {
   const std::vector<replay::Draw> draws =
       replay_->draw(batch_options_.world_count, exponent, rng, &batch.least_probability);
   batch.weight_exponent = config_.replay.per ? exponent : 1;
-  fill(batch, batch_options_, *replay_, draws);
+  ReplayBatchOptions options = batch_options_;
+  options.n_step = config_.q_learning.n_step.rounded_at(env_frames_);
+  fill(batch, options, *replay_, draws);
   limiter_.sampled(samples_per_update_);
 }
 

@@ -65,7 +65,7 @@ class ReplayFeed {
   void insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version);
   /// All learners take at once, and know of each other's from then on.
   Inserted take_inserted();
-  /// Env frames counted so far; places the importance weights' exponent.
+  /// Env frames counted so far; places the importance weights' exponent and n_step.
   void set_env_frames(double env_frames) { env_frames_ = env_frames; }
   /// The importance weights' exponent now: in a line from per_beta_start to 1, see LinearSchedule.
   double beta() const { return beta_.at(env_frames_); }

@@ -106,6 +106,10 @@ StepRunner::StepRunner(const RunConfig& config, torch::Device device)
 
 void StepRunner::resume(PolicyVersion version) {
   version_ = version;
+  forget_recordings();
+}
+
+void StepRunner::forget_recordings() {
   recorded_steps_.clear();
   recorded_looks_.clear();
 }

@@ -95,6 +95,8 @@ class StepRunner {
   PolicyVersion version() const { return version_; }
   /// Continues from a checkpoint; recordings are rebuilt, moments may have moved.
   void resume(PolicyVersion version);
+  /// Makes recordings anew: what they do beside reading tensors has changed.
+  void forget_recordings();
 
   enum class Result {
     kLaunched,

@@ -3,6 +3,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -52,9 +53,14 @@ Status check_q_combinations(const RunConfig& c) {
   if (c.q_learning.td_lambda >= 0 && !c.network.use_rnn)
     return refuse("td_lambda is " + real_text(c.q_learning.td_lambda) +
                   "; without a recurrent core single decisions are drawn, use --n_step");
-  if (c.q_learning.n_step > c.collection.rollout)
-    return refuse(fmt::format("n_step is {}; a trajectory holds rollout {} decisions", c.q_learning.n_step,
-                              c.collection.rollout));
+  for (const Schedule::Point& point : c.q_learning.n_step.points()) {
+    if (point.value > static_cast<double>(c.collection.rollout))
+      return refuse(fmt::format("n_step is {}; a trajectory holds rollout {} decisions",
+                                c.q_learning.n_step.text(), c.collection.rollout));
+    if (point.value != std::floor(point.value))
+      return refuse(
+          fmt::format("n_step is {}; each of its values must be a whole number", c.q_learning.n_step.text()));
+  }
   if (c.q_learning.burn_in > 0 && (!c.network.use_rnn || c.q_learning.burn_in >= c.collection.rollout))
     return refuse(
         fmt::format("burn_in is {}; it needs a recurrent core and must leave some of the rollout's {} "

@@ -1,6 +1,7 @@
 #include "rollout_buffer/settings/schedule.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "rollout_buffer/core/text.h"
@@ -75,6 +76,8 @@ double Schedule::at(double env_frames) const {
   const double way = (env_frames - before.env_frames) / (next->env_frames - before.env_frames);
   return before.value + way * (next->value - before.value);
 }
+
+int64_t Schedule::rounded_at(double env_frames) const { return std::llround(at(env_frames)); }
 
 std::string Schedule::text() const {
   if (is_constant()) return real_text(points_.front().value);

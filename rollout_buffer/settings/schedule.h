@@ -8,6 +8,7 @@
 // the same one. Stage: before a run (text), collect and update (values).
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,6 +37,8 @@ class Schedule {
 
   /// The value after so many env frames of the run; that of the first point before it.
   double at(double env_frames) const;
+  /// The nearest whole number to it, for settings that count.
+  int64_t rounded_at(double env_frames) const;
   bool is_constant() const { return points_.size() == 1; }
   double last() const { return points_.back().value; }
   /// At least one, by env frames.

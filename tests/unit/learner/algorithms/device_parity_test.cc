@@ -96,7 +96,7 @@ Outcome train(const std::string& algo, torch::Device device, uint64_t seed, int 
                                              : single               ? replay::Unit::kAgentStep
                                                                     : replay::Unit::kJointStep,
                                      .world_count = kWorlds,
-                                     .n_step = config.q_learning.n_step,
+                                     .n_step = config.q_learning.n_step.rounded_at(0),
                                      .pay = {.gamma = config.optimisation.gamma},
                                      .agents_end = algo == "idqn"};
     ReplayBatch batch = make_replay_batch(options);

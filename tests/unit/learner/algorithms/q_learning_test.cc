@@ -71,7 +71,7 @@ ReplayBatch q_batch(const RunConfig& config, uint64_t seed) {
   const ReplayBatchOptions options{.shape = shape,
                                    .unit = unit,
                                    .world_count = static_cast<int64_t>(draws.size()),
-                                   .n_step = config.q_learning.n_step,
+                                   .n_step = config.q_learning.n_step.rounded_at(0),
                                    .pay = {.gamma = config.optimisation.gamma},
                                    .agents_end = config.run.algo == "idqn"};
   ReplayBatch batch = make_replay_batch(options);
@@ -251,6 +251,44 @@ INSTANTIATE_TEST_SUITE_P(QLearning, PlainLoop, ::testing::Values(kVdnGru, kVdnFl
 INSTANTIATE_TEST_SUITE_P(QLearning, SeparateNetworks, ::testing::Values(kVdnGru, kVdnFlat, kIdqnGru),
                          case_name);
 INSTANTIATE_TEST_SUITE_P(QLearning, SeveralSteps, ::testing::Values(kVdnFlat, kIdqnFlat), case_name);
+
+UpdateContext context_at(double env_frames) {
+  UpdateContext context;
+  context.env_frames = env_frames;
+  return context;
+}
+
+TEST(QLearning, NStepOfSequencesFollowsTheEnvFrames) {
+  for (const char* algo : {"idqn", "vdn", "qmix"}) {
+    RunConfig config = q_config(algo, true);
+    ReplayBatch batch = q_batch(config, 19);
+    const auto loss_at = [&](const Schedule& n_step, double env_frames) {
+      config.q_learning.n_step = n_step;
+      const auto learner = q_learner(config);
+      TermValues terms;
+      EXPECT_TRUE(learner->accumulate_gradient(batch, context_at(env_frames), terms));
+      return terms["td_loss"];
+    };
+    const Schedule falling = Schedule::line(5, 2, 3000);
+    for (const auto& [env_frames, n_step] : {std::pair(0.0, 5), {1000.0, 4}, {2400.0, 3}, {9000.0, 2}})
+      EXPECT_EQ(loss_at(falling, env_frames), loss_at(n_step, 0)) << algo << " at " << env_frames;
+    EXPECT_NE(loss_at(5, 0), loss_at(2, 0)) << algo;
+  }
+  // One learner over the whole way, and one that resumes on it.
+  RunConfig config = q_config("qmix", true);
+  config.q_learning.n_step = Schedule::line(5, 1, 4000);
+  const auto one = q_learner(config), other = q_learner(config);
+  ReplayBatch batch = q_batch(config, 20);
+  StateDict state;
+  for (int i = 0; i < 4; ++i) {
+    const auto stats = one->update(batch, context_at(1000.0 * i));
+    EXPECT_EQ(test::values_of(*stats).at("train/n_step"), 5 - i);
+    if (i == 1) one->save(state);
+  }
+  ASSERT_TRUE(other->load(state));
+  for (int i = 2; i < 4; ++i) ASSERT_TRUE(other->update(batch, context_at(1000.0 * i)));
+  EXPECT_TRUE(test::all_equal(one->parameters(), other->parameters()));
+}
 
 TEST(QLearning, StepsOfTheBurnInOnlyWarmUpTheState) {
   RunConfig config = q_config("vdn", true);

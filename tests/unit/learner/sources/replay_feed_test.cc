@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 
 #include "tests/support/in_ranks.h"
@@ -100,6 +101,22 @@ TEST(ReplayFeed, TheWeightsExponentGoesOnWhereARunIsMadeLonger) {
   EXPECT_DOUBLE_EQ(resumed->beta(), 0.85);
   resumed->set_env_frames(30'000);
   EXPECT_DOUBLE_EQ(resumed->beta(), 1);
+}
+
+TEST(ReplayFeed, NStepFollowsTheEnvFrames) {
+  RunConfig config = config_of();
+  config.q_learning.n_step = Schedule::line(5, 2, 3000);
+  const auto feed = feed_of(config);
+  const SlabPool pool(shape_of(), 1);
+  pool.fill_with_noise(1);
+  for (int i = 0; i < 64; ++i) feed->insert(pool.view(0), kRollout, 0);
+  for (const auto& [env_frames, n_step] : {std::pair(0.0, 5), {1000.0, 4}, {9000.0, 2}}) {
+    feed->set_env_frames(env_frames);
+    const auto batch = feed->sample();
+    // Noise has no ends: only a trajectory's own end makes a target shorter.
+    EXPECT_NEAR(batch->bootstrap.min().item<double>(), std::pow(config.optimisation.gamma, n_step - 1), 1e-6)
+        << env_frames;
+  }
 }
 
 TEST(ReplayFeed, ADeterministicRunResumesWithTheCapacityItBeganWith) {

@@ -275,6 +275,8 @@ TEST(ResolveSettings, QLearningSettingsThatExcludeEachOtherAreRefused) {
   expect([](RunConfig& c) { c.network.rnn_type = RnnType::kLstm; }, "vdn's core is a gru");
   expect([](RunConfig& c) { c.q_learning.td_lambda = 0.8, c.network.use_rnn = false; }, "use --n_step");
   expect([](RunConfig& c) { c.q_learning.n_step = 64; }, "n_step is 64");
+  expect([](RunConfig& c) { c.q_learning.n_step = Schedule::line(64, 3, 1e6); }, "n_step is 64@0..3@1e6");
+  expect([](RunConfig& c) { c.q_learning.n_step = Schedule::line(10, 2.5, 1e6); }, "a whole number");
   expect([](RunConfig& c) { c.q_learning.burn_in = 32; }, "burn_in is 32");
   expect([](RunConfig& c) { c.optimisation.lr_schedule = RateSchedule::kKlAdaptiveEpoch; },
          "constant or linear_decay");

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 
 #include "rollout_buffer/settings/layers.h"
@@ -58,6 +59,13 @@ TEST(Schedule, LinesAreStraightAndMixWithSteps) {
   const Schedule epsilon = Schedule::line(1, 0.01, 2e7);
   for (const double frames : {0.0, 5e6, 1e7, 2e7, 9e7})
     EXPECT_NEAR(epsilon.at(frames), 1 - 0.99 * std::min(frames / 2e7, 1.0), 1e-12) << frames;
+}
+
+TEST(Schedule, WholeNumbersOnALineAreTheNearest) {
+  const Schedule schedule = parsed("10@0..3@7000");
+  for (int frames = 0; frames <= 8000; frames += 250)
+    EXPECT_EQ(schedule.rounded_at(frames), frames >= 7000 ? 3 : std::lround(10 - frames / 1000.0)) << frames;
+  EXPECT_EQ(parsed("5").rounded_at(1e9), 5);
 }
 
 TEST(Schedule, ItsTextReadsBackWithoutLoss) {
