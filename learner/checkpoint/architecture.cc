@@ -12,7 +12,8 @@ Expected<StateDict> architecture_of(const RunConfig& config) {
   const std::string& encoder = config.network.encoder;
   StateDict state;
   if (!is_encoder_file(encoder)) {
-    const Expected<std::vector<EncoderLayer>> layers = parse_encoder(encoder);
+    Expected<std::vector<EncoderLayer>> layers = parse_encoder(encoder);
+    if (layers && has_layer_norm(config)) layers = with_layer_norm(*layers);
     state.put("architecture/encoder", layers ? layers_text(*layers) : encoder);
     return state;
   }

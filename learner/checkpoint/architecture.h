@@ -7,7 +7,7 @@
 
 namespace comrad::learn {
 
-/// "architecture/encoder": the encoder's layers as text, "module" for a TorchScript file, whose bytes are "architecture/encoder_module"
+/// "architecture/encoder": the encoder's layers as text, with those of q_layer_norm, "module" for a TorchScript file, whose bytes are "architecture/encoder_module"
 /// u8 [n], or the name of an encoder written in C++. Errors: those of reading the file.
 Expected<StateDict> architecture_of(const RunConfig& config);
 

@@ -12,8 +12,9 @@ const char* part_of_parameter(std::string_view name) {
   if (name.starts_with("critic.")) return "critic";
   if (name.starts_with("agent")) name.remove_prefix(std::min(name.find('.') + 1, name.size()));
   if (name.starts_with("value_head.")) return "critic";
-  if (name.starts_with("core.")) return "core";
-  if (name.starts_with("decoder.") || name.starts_with("action_head.")) return "heads";
+  if (name.starts_with("core.") || name.starts_with("core_norm.")) return "core";
+  for (const char* head : {"decoder.", "decoder_norm.", "action_head."})
+    if (name.starts_with(head)) return "heads";
   return "encoder";
 }
 

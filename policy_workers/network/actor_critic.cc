@@ -401,7 +401,7 @@ std::string ActorCritic::description() const {
                                      : "no recurrent core";
   return "encoder " + o.encoder + " by " + impl_->actors.front().tower.encoder().implementation() + ", " +
          core + ", " + std::string(kValues[static_cast<std::size_t>(o.critic)]) + " values, " +
-         word_of(o.precision) + " products";
+         word_of(o.precision) + " products" + (o.layer_norm ? ", layer normalisation" : "");
 }
 
 torch::Device ActorCritic::device() const { return impl_->device; }

@@ -4,22 +4,30 @@
 
 namespace comrad::policy {
 
-Decoder::Decoder(int64_t input_count, std::span<const int64_t> widths, const LayerMaker& make)
+Decoder::Decoder(int64_t input_count, std::span<const int64_t> widths, bool normalises,
+                 const LayerMaker& make)
     : feature_count_(input_count), precision_(make.precision) {
   for (const int64_t width : widths) {
-    layers_.push_back(make("decoder." + std::to_string(layers_.size()), {width, feature_count_}));
+    const std::string index = std::to_string(layers_.size());
+    layers_.push_back(make("decoder." + index, {width, feature_count_}));
+    if (normalises) norms_.push_back(make.norm("decoder_norm." + index, {width}));
     feature_count_ = width;
   }
 }
 
 Tensor Decoder::operator()(Tensor x) const {
-  for (const Layer& layer : layers_) x = at::elu(linear(x, layer.weight, layer.bias, precision_));
+  for (std::size_t i = 0; i < layers_.size(); ++i) {
+    x = linear(x, layers_[i].weight, layers_[i].bias, precision_);
+    if (!norms_.empty()) x = layer_norm(x, norms_[i].weight, norms_[i].bias);
+    x = at::elu(x);
+  }
   return x;
 }
 
 NamedTensors Decoder::named_parameters() const {
   NamedTensors named;
   for (const Layer& layer : layers_) append(named, "", layer);
+  for (const Layer& norm : norms_) append(named, "", norm);
   return named;
 }
 

@@ -21,6 +21,7 @@ namespace comrad::policy {
 struct EncoderInput {
   EnvShape env;
   std::string encoder = "simple";  ///< the setting: a name, layers, or the path of a module
+  bool layer_norm = false;         ///< of an encoder of layers: behind its linear ones
   /// Shared by all encoders of a network.
   std::shared_ptr<const ObservationNormalizer> normalizer;
 };

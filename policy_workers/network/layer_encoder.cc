@@ -76,7 +76,7 @@ Tensor run_layers(Tensor x, std::span<const WeightedLayer> layers, std::span<con
         break;
       }
       case LayerKind::kLayerNorm:
-        x = at::layer_norm(to_f32(x), tensors[first].sizes(), tensors[first], tensors[first + 1]);
+        x = layer_norm(x, tensors[first], tensors[first + 1]);
         break;
       case LayerKind::kFlatten:
         x = x.flatten(1);
@@ -150,8 +150,9 @@ class LayerEncoder : public Encoder {
  public:
   LayerEncoder(const EncoderInput& input, const LayerMaker& make)
       : Encoder(input.env, make.device), precision_(make.precision), normalizer_(input.normalizer) {
-    const Expected<std::vector<EncoderLayer>> layers = parse_encoder(input.encoder);
+    Expected<std::vector<EncoderLayer>> layers = parse_encoder(input.encoder);
     COMRAD_CHECK(layers.has_value(), "the encoder was checked: its layers are read");
+    if (input.layer_norm) layers = with_layer_norm(*layers);
     LayerShape shape = {env_.channels, env_.height, env_.width};
     for (const EncoderLayer& layer : *layers) {
       std::vector<WeightedLayer>& part =
@@ -171,6 +172,8 @@ class LayerEncoder : public Encoder {
     if (env_.measurement_count > 0) {
       measurement_.push_back(make("measurement1", {kMeasurementFeatures, env_.measurement_count}));
       measurement_.push_back(make("measurement2", {kMeasurementFeatures, kMeasurementFeatures}));
+      for (const char* name : {"measurement1_norm", "measurement2_norm"})
+        if (input.layer_norm) measurement_norms_.push_back(make.norm(name, {kMeasurementFeatures}));
     }
   }
 
@@ -206,6 +209,7 @@ class LayerEncoder : public Encoder {
     NamedTensors named;
     for (std::size_t i = 0; i < tensors_.size(); ++i) named.emplace_back("encoder." + names_[i], tensors_[i]);
     for (const Layer& layer : measurement_) append(named, "encoder.", layer);
+    for (const Layer& norm : measurement_norms_) append(named, "encoder.", norm);
     return named;
   }
 
@@ -238,8 +242,7 @@ class LayerEncoder : public Encoder {
         const std::vector<int64_t> sizes =
             input.is_flat ? std::vector<int64_t>{input.channels}
                           : std::vector<int64_t>{input.channels, input.height, input.width};
-        add({"norm" + std::to_string(++norms_), torch::ones(sizes).to(device_).requires_grad_(),
-             torch::zeros(sizes).to(device_).requires_grad_()});
+        add(make.norm("norm" + std::to_string(++norms_), sizes));
         break;
       }
       case LayerKind::kPool:
@@ -288,8 +291,12 @@ class LayerEncoder : public Encoder {
                  "this shape has a measurement vector");
     Tensor m = normalizer_->measurement.normalize(
         measurement.reshape({x.size(0), env_.measurement_count}).to(device_));
-    for (const Layer& layer : measurement_)
-      m = activated_in_place(linear(m, layer.weight, layer.bias, precision_), Activation::kElu);
+    for (std::size_t i = 0; i < measurement_.size(); ++i) {
+      m = linear(m, measurement_[i].weight, measurement_[i].bias, precision_);
+      if (!measurement_norms_.empty())
+        m = layer_norm(m, measurement_norms_[i].weight, measurement_norms_[i].bias);
+      m = activated_in_place(m, Activation::kElu);
+    }
     return at::cat({x, m}, 1);
   }
 
@@ -303,7 +310,8 @@ class LayerEncoder : public Encoder {
   bool fits_pixel_path_ = false;
   int64_t image_features_ = 0;
   int convolutions_ = 0, norms_ = 0, linears_ = 0;
-  std::vector<Layer> measurement_;  // M -> 128 -> 128
+  std::vector<Layer> measurement_;        // M -> 128 -> 128
+  std::vector<Layer> measurement_norms_;  // none without layer_norm
 };
 
 }  // namespace

@@ -7,7 +7,8 @@
 namespace comrad::policy {
 
 /// Parameters: conv1, conv2, ... (a residual layer has two), norm1, ... and image, image2, ... of linear layers, in the order of
-/// the layers; then measurement1 and measurement2, two layers of 128 features with ELU, where M > 0. Features: those of the last
+/// the layers; then measurement1 and measurement2, two layers of 128 features with ELU, where M > 0, and with `layer_norm`
+/// measurement1_norm and measurement2_norm. Features: those of the last
 /// layer, then the measurement branch's.
 std::shared_ptr<const Encoder> make_layer_encoder(const EncoderInput& input, const LayerMaker& make);
 

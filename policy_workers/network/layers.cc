@@ -40,6 +40,15 @@ Layer LayerMaker::operator()(std::string name, at::IntArrayRef sizes) const {
   return Layer{std::move(name), weight.to(device).requires_grad_(), bias.to(device).requires_grad_()};
 }
 
+Layer LayerMaker::norm(std::string name, at::IntArrayRef sizes) const {
+  return Layer{std::move(name), torch::ones(sizes).to(device).requires_grad_(),
+               torch::zeros(sizes).to(device).requires_grad_()};
+}
+
+Tensor layer_norm(const Tensor& rows, const Tensor& weight, const Tensor& bias) {
+  return at::layer_norm(to_f32(rows), weight.sizes(), weight, bias);
+}
+
 void append(NamedTensors& named, const std::string& prefix, const Layer& layer) {
   named.emplace_back(prefix + layer.name + ".weight", layer.weight);
   named.emplace_back(prefix + layer.name + ".bias", layer.bias);

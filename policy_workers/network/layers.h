@@ -48,7 +48,13 @@ struct LayerMaker {
   Precision precision = Precision::kFp32;
 
   Layer operator()(std::string name, at::IntArrayRef sizes) const;
+  /// Weights of 1 and biases of 0, for layer_norm() of rows of these sizes.
+  Layer norm(std::string name, at::IntArrayRef sizes) const;
 };
+
+/// Rows [B, sizes] with mean 0 and variance 1 each, then a weight and a bias for every element, in f32. Differentiable.
+/// Source: Ba et al. 2016, arXiv:1607.06450.
+Tensor layer_norm(const Tensor& rows, const Tensor& weight, const Tensor& bias);
 
 /// Appends "<prefix><name>.weight" and ".bias".
 void append(NamedTensors& named, const std::string& prefix, const Layer& layer);

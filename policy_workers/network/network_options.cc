@@ -19,6 +19,7 @@ NetworkOptions NetworkOptions::from(const RunConfig& config, const EnvShape& env
   options.rnn_size = config.network.rnn_size;
   options.rnn_num_layers = config.network.rnn_num_layers;
   options.decoder_widths = widths(config.network.decoder_mlp_layers);
+  options.layer_norm = has_layer_norm(config);
   options.init_gain = config.network.policy_init_gain;
   options.normalize_input = config.network.normalize_input;
   options.separate_agents = !config.network.share_parameters || config.run.algo->separate_agents;

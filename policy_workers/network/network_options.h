@@ -24,6 +24,7 @@ struct NetworkOptions {
   std::vector<int64_t> decoder_widths;  ///< ELU layers between core and heads
   Initialization init = Initialization::kOrthogonal;
   double init_gain = 1.0;
+  bool layer_norm = false;  ///< q_layer_norm
   bool normalize_input = true;
   bool separate_agents = false;  ///< a tower and heads per agent instead of one for all
   bool agent_id_input = false;   ///< the agent's index, one-hot, beside the encoder's features

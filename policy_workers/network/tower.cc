@@ -22,20 +22,30 @@ Tensor interleave(const std::vector<Tensor>& of_agents, int64_t axis) {
 
 Tower::Tower(const NetworkOptions& options, bool with_core, int64_t extra_inputs,
              std::shared_ptr<const ObservationNormalizer> normalizer, const LayerMaker& make)
-    : encoder_(make_encoder(
-          {.env = options.env, .encoder = options.encoder, .normalizer = std::move(normalizer)}, make)),
+    : encoder_(make_encoder({.env = options.env,
+                             .encoder = options.encoder,
+                             .layer_norm = options.layer_norm,
+                             .normalizer = std::move(normalizer)},
+                            make)),
       core_(make_core(options.core(encoder_->feature_count() + extra_inputs, with_core), make)),
-      decoder_(core_->feature_count(), options.decoder_widths, make) {}
+      core_norm_(options.layer_norm && core_->state_count() > 0
+                     ? std::optional(make.norm("core_norm", {core_->feature_count()}))
+                     : std::nullopt),
+      decoder_(core_->feature_count(), options.decoder_widths, options.layer_norm, make) {}
+
+Tensor Tower::normalised(const Tensor& features) const {
+  return core_norm_ ? layer_norm(features, core_norm_->weight, core_norm_->bias) : features;
+}
 
 CoreOutput Tower::step(const Tensor& encoded, const Tensor& state) const {
   CoreOutput after = core_->step(encoded, state);
-  return {decoder_(after.features), after.state};
+  return {decoder_(normalised(after.features)), after.state};
 }
 
 Tensor Tower::sequence(const Tensor& encoded, const Tensor& state, const Tensor& reset, int64_t steps) const {
   if (state_count() == 0) return decoder_(encoded);
   const Tensor x = encoded.view({steps, encoded.size(0) / steps, encoded.size(1)});
-  return decoder_(unrolled(x, state, reset).features.flatten(0, 1));
+  return decoder_(normalised(unrolled(x, state, reset).features.flatten(0, 1)));
 }
 
 Tensor Tower::sequence(const SequenceInput& input, int64_t first_state,
@@ -59,6 +69,7 @@ NamedTensors Tower::named_parameters(const std::string& prefix) const {
   NamedTensors named;
   append(named, prefix, encoder_->named_parameters());
   append(named, prefix, core_->named_parameters());
+  if (core_norm_) append(named, prefix, *core_norm_);
   append(named, prefix, decoder_.named_parameters());
   return named;
 }

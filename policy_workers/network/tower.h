@@ -1,4 +1,5 @@
-// Encoder, core and decoder: from an observation to features. One tower serves all agents, or each agent has its own; rows are then whole
+// Encoder, core and decoder: from an observation to features, with NetworkOptions::layer_norm normalised behind each linear layer and
+// behind the core, as in PQN (Gallici et al. 2025, arXiv:2407.04811), whose convolutions have it, too. One tower serves all agents, or each agent has its own; rows are then whole
 // worlds, row = world * N + agent.
 #pragma once
 
@@ -7,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -58,12 +60,16 @@ class Tower {
   /// The core over `encoded` [T, B, E].
   CoreOutput unrolled(const Tensor& encoded, const Tensor& state, const Tensor& reset) const;
 
-  /// Encoder's, core's, decoder's, behind `prefix`.
+  /// Encoder's, core's, "core_norm.weight" and ".bias" with a core and layer_norm, decoder's, behind `prefix`.
   NamedTensors named_parameters(const std::string& prefix) const;
 
  private:
+  /// What the decoder gets of the core's features [..., F].
+  Tensor normalised(const Tensor& features) const;
+
   std::shared_ptr<const Encoder> encoder_;
   std::shared_ptr<const Core> core_;
+  std::optional<Layer> core_norm_;
   Decoder decoder_;
 };
 

@@ -261,6 +261,19 @@ Expected<std::vector<EncoderLayer>> parse_encoder(const std::string& encoder) {
   return layers;
 }
 
+std::vector<EncoderLayer> with_layer_norm(const std::vector<EncoderLayer>& layers) {
+  std::vector<EncoderLayer> normalised;
+  for (EncoderLayer layer : layers) {
+    const Activation activation = layer.kind == LayerKind::kLinear ? layer.activation : Activation::kNone;
+    if (activation != Activation::kNone) layer.activation = Activation::kNone;
+    normalised.push_back(layer);
+    if (activation == Activation::kNone) continue;
+    normalised.push_back({.kind = LayerKind::kLayerNorm});
+    normalised.push_back({.kind = LayerKind::kActivation, .activation = activation});
+  }
+  return normalised;
+}
+
 std::string layers_text(const std::vector<EncoderLayer>& layers) {
   std::vector<std::string> words;
   for (const EncoderLayer& layer : layers) words.push_back(layer.text());

@@ -62,6 +62,10 @@ std::string canonical_encoder(std::string_view encoder);
 /// Errors: kBadInput naming the layer, what is wrong with it and what it may be; an unknown name lists the known ones.
 Expected<std::vector<EncoderLayer>> parse_encoder(const std::string& encoder);
 
+/// The same with a layernorm between each linear layer and its activation; convolutions stay as they are.
+/// Source: Gallici et al. 2025, PQN, arXiv:2407.04811.
+std::vector<EncoderLayer> with_layer_norm(const std::vector<EncoderLayer>& layers);
+
 /// "conv 16 8x8/4, flatten, linear 256".
 std::string layers_text(const std::vector<EncoderLayer>& layers);
 

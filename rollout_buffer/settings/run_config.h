@@ -71,4 +71,9 @@ inline bool sees_global_state(const RunConfig& config) {
   return config.network.critic_state == CriticState::kGlobal && config.run.algo->can_see_global_state();
 }
 
+/// Whether the network has layer normalisation behind its linear layers and its core.
+inline bool has_layer_norm(const RunConfig& config) {
+  return config.network.q_layer_norm && config.run.algo->learns_q_values();
+}
+
 }  // namespace comrad

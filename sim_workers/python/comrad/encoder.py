@@ -41,6 +41,8 @@ class Encoder(nn.Module):
         if self.has_measurement:
             self.measurement1 = linear_of(shapes, "encoder.measurement1")
             self.measurement2 = linear_of(shapes, "encoder.measurement2")
+            self.measurement1_norm = norm_of(shapes, "encoder.measurement1_norm")
+            self.measurement2_norm = norm_of(shapes, "encoder.measurement2_norm")
 
     def forward(self, x: Tensor, measurement: Tensor | None) -> Tensor:
         carried = x
@@ -55,7 +57,8 @@ class Encoder(nn.Module):
             return x
         if measurement is None:
             raise ValueError("this network reads measurements; pass them")
-        return torch.cat((x, F.elu(self.measurement2(F.elu(self.measurement1(measurement))))), 1)
+        measured = F.elu(self.measurement1_norm(self.measurement1(measurement)))
+        return torch.cat((x, F.elu(self.measurement2_norm(self.measurement2(measured)))), 1)
 
 
 def _encoder_modules(layers: list[str], shapes: dict[str, torch.Size]) -> Iterator[tuple[str, nn.Module]]:
@@ -107,6 +110,11 @@ def _shape(shapes: dict[str, torch.Size], name: str) -> torch.Size:
 def linear_of(shapes: dict[str, torch.Size], name: str) -> nn.Linear:
     outputs, inputs = _shape(shapes, name + ".weight")
     return nn.Linear(inputs, outputs)
+
+
+def norm_of(shapes: dict[str, torch.Size], name: str) -> nn.Module:
+    """The layer normalisation of that name; what passes its input unchanged where the network has none (q_layer_norm is off)."""
+    return nn.LayerNorm(list(shapes[name + ".weight"])) if name + ".weight" in shapes else nn.Identity()
 
 
 def read_module(file: bytes) -> torch.jit.ScriptModule:

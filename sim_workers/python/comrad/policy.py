@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ._engine import encoder_layers
-from .encoder import Encoder, buffers_of, linear_of, read_module
+from .encoder import Encoder, buffers_of, linear_of, norm_of, read_module
 
 NETWORK, ARCHITECTURE = "network", "architecture"  # sections of a checkpoint
 MODULE = "module"  # what ARCHITECTURE calls an encoder that export_encoder wrote
@@ -108,10 +108,12 @@ class Policy(nn.Module):
         if settings["use_rnn"]:
             kind = nn.LSTM if self.is_lstm else nn.GRU
             self.core = kind(shapes["core.weight_ih_l0"][1], settings["rnn_size"], settings["rnn_num_layers"])
+        self.core_norm = norm_of(shapes, "core_norm")
         layers: list[nn.Linear] = []
         while f"decoder.{len(layers)}.weight" in shapes:
             layers.append(linear_of(shapes, f"decoder.{len(layers)}"))
         self.decoder = nn.ModuleList(layers)
+        self.decoder_norm = nn.ModuleList([norm_of(shapes, f"decoder_norm.{index}") for index in range(len(layers))])
         self.action_head = linear_of(shapes, "action_head")
         if "value_head.weight" in shapes:
             self.value_head = linear_of(shapes, "value_head")
@@ -155,9 +157,9 @@ class Policy(nn.Module):
                 state = torch.cat((hidden, cell))
             else:
                 sequence, state = self.core(x[None], state)
-            x = sequence[0]
-        for layer in self.decoder:
-            x = F.elu(layer(x))
+            x = self.core_norm(sequence[0])
+        for layer, norm in zip(self.decoder, self.decoder_norm):
+            x = F.elu(norm(layer(x)))
         return x, state
 
     def forward(self, frame: Tensor, measurement: Tensor | None = None, state: Tensor | None = None) -> tuple[Tensor, Tensor | None]:

@@ -98,6 +98,7 @@ constexpr Row kPaper[] = {
     {"rnn_size", "512"},
     {"rnn_num_layers", "1"},
     {"decoder_mlp_layers", "none"},
+    {"q_layer_norm", "false"},
     {"policy_init_gain", "1"},
     {"share_parameters", "true true false true true true true true"},
     {"agent_id_input", "false"},

@@ -579,6 +579,26 @@ TEST_P(EveryAlgorithm, SmallRewardsAreLearnedAsLargeOnesWithAScale) {
   EXPECT_GT(lost.back(), 3 * small.back()) << "without it the first guesses drown such rewards";
 }
 
+TEST_P(EveryAlgorithm, LearnsWithLayerNormalisation) {
+  RunConfig config = q_config(GetParam(), true);
+  config.optimisation.learning_rate = 3e-4;
+  config.network.q_layer_norm = true;
+  config.network.decoder_mlp_layers = "8";
+  const auto learner = q_learner(config);
+  ReplayBatch batch = q_batch(config, 36);
+  const double before = loss_of(*learner, batch);
+  const std::vector<Tensor> gradients = gradients_of(*learner);
+  const auto named = learner->net().named_parameters();
+  int norms = 0;
+  for (std::size_t i = 0; i < named.size(); ++i) {
+    EXPECT_GT(gradients[i].abs().max().item<float>(), 0.0f) << named[i].first;
+    norms += named[i].first.find("norm") != std::string::npos;
+  }
+  EXPECT_EQ(norms, 6) << "of the encoder's linear layer, the core and the decoder";
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(learner->update(batch, {}));
+  EXPECT_LT(loss_of(*learner, batch), before);
+}
+
 INSTANTIATE_TEST_SUITE_P(QLearning, EveryAlgorithm,
                          ::testing::Values("idqn", "vdn", "qmix", "qplex_d", "qplex_q"));
 

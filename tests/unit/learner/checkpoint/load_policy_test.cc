@@ -34,6 +34,7 @@ struct Variant {
   bool agent_id;
   bool normalize;
   int64_t measurements;
+  bool layer_norm = false;
 };
 
 /// A checkpoint of a network of that kind, with "expected": frame [steps, rows, 3, 72, 128], measurement, logits.
@@ -48,6 +49,7 @@ StateDict checkpoint_with_answers(const Variant& variant) {
   config.network.decoder_mlp_layers = variant.decoder;
   config.network.agent_id_input = variant.agent_id;
   config.network.normalize_input = variant.normalize;
+  config.network.q_layer_norm = variant.layer_norm;
   EnvShape env;
   env.num_agents = 2;
   env.head_count = 3;
@@ -65,6 +67,11 @@ StateDict checkpoint_with_answers(const Variant& variant) {
   net.update_input_statistics(frame.flatten(0, 1),
                               measurement.defined() ? measurement.flatten(0, 1) : measurement);
 
+  if (variant.layer_norm) {
+    torch::NoGradGuard no_grad;
+    for (const auto& [name, tensor] : net.named_parameters())
+      if (name.find("norm") != std::string::npos) tensor.add_(torch::randn_like(tensor), 0.3);
+  }
   StateDict state;
   for (const auto& [name, tensor] : net.named_state()) state.put("network/" + name, tensor);
   state.put("config/toml", settings_to_toml(config));
@@ -112,6 +119,8 @@ constexpr Variant kVariants[] = {
     {"two_lstm_layers_and_a_decoder", "mappo", "atari", true, RnnType::kLstm, 2, "32,16", true, false, 0},
     {"agents_with_networks_of_their_own", "happo", "simple", true, RnnType::kGru, 1, "none", false, true, 3},
     {"q_values", "qmix", "simple", true, RnnType::kGru, 1, "none", false, true, 0},
+    {"normalised_q_values", "vdn", "impala", true, RnnType::kGru, 1, "32,16", true, true, 3, true},
+    {"normalised_feed_forward", "idqn", "simple_half", false, RnnType::kGru, 1, "none", false, true, 0, true},
     {"resnet", "ippo", "resnet", true, RnnType::kGru, 1, "none", false, true, 0},
     {"layers", "ippo",
      "conv 8 8x8/4 relu, layernorm, pool 3x3/2 pad 1, residual, flatten, linear 40 gelu, layernorm, linear "

@@ -25,6 +25,7 @@ TEST(PartStatistics, KnowsThePartOfEveryParameterOfEveryNetwork) {
     config.network.share_parameters = config.run.algo != "happo";
     config.mixers.mixer = config.run.algo == "qmix" ? "qmix" : "";
     config.network.decoder_mlp_layers = "8";
+    config.network.q_layer_norm = true;  // of qmix alone
     const auto made = make_algorithm(config, test::small_shape(config, 2).env, torch::kCPU);
     ASSERT_TRUE(made) << made.error().message;
     StateDict state;
@@ -42,7 +43,9 @@ TEST(PartStatistics, KnowsThePartOfEveryParameterOfEveryNetwork) {
   EXPECT_EQ(parts_of["qmix"], (std::vector<std::string>{"core", "encoder", "heads"}));
   EXPECT_STREQ(part_of_parameter("encoder.conv1.weight"), "encoder");
   EXPECT_STREQ(part_of_parameter("agent1.core.weight_ih_l0"), "core");
+  EXPECT_STREQ(part_of_parameter("core_norm.weight"), "core");
   EXPECT_STREQ(part_of_parameter("decoder.0.bias"), "heads");
+  EXPECT_STREQ(part_of_parameter("agent1.decoder_norm.0.bias"), "heads");
   EXPECT_STREQ(part_of_parameter("agent0.action_head.weight"), "heads");
   EXPECT_STREQ(part_of_parameter("agent0.value_head.weight"), "critic");
   EXPECT_STREQ(part_of_parameter("critic.agent0.core.weight_ih_l0"), "critic");

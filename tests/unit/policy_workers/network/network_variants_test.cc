@@ -45,6 +45,7 @@ NetworkOptions variant(const std::string& name) {
   if (has("impala")) options.encoder = "impala";
   if (has("resnet")) options.encoder = "resnet";
   if (has("atari")) options.encoder = "atari";
+  if (has("norm")) options.layer_norm = true;
   if (has("bf16")) options.precision = Precision::kBf16;
   return options;
 }
@@ -172,14 +173,54 @@ TEST_P(Variants, WeightsTravelAsBytes) {
   EXPECT_TRUE(torch::equal(here.value, there.value));
 }
 
-INSTANTIATE_TEST_SUITE_P(ActorCritic, Variants,
-                         testing::Values("separate", "separate_lstm", "id", "id_feedforward", "central_id",
-                                         "central_separate", "central_position_id",
-                                         "central_position_separate", "central_global",
-                                         "central_position_global", "joint_global", "bf16_central", "joint",
-                                         "joint_lstm_deep", "joint_plain", "joint_feedforward", "decoder",
-                                         "joint_decoder", "atari", "impala", "resnet_impala", "bf16",
-                                         "bf16_lstm", "bf16_joint", "bf16_resnet_impala"));
+INSTANTIATE_TEST_SUITE_P(
+    ActorCritic, Variants,
+    testing::Values("separate", "separate_lstm", "id", "id_feedforward", "central_id", "central_separate",
+                    "central_position_id", "central_position_separate", "central_global",
+                    "central_position_global", "joint_global", "bf16_central", "joint", "joint_lstm_deep",
+                    "joint_plain", "joint_feedforward", "decoder", "joint_decoder", "atari", "impala",
+                    "resnet_impala", "bf16", "bf16_lstm", "bf16_joint", "bf16_resnet_impala", "norm",
+                    "norm_feedforward_decoder", "norm_separate_lstm_decoder", "bf16_norm_decoder"));
+
+TEST(ActorCritic, LayerNormalisationStandsBeforeActivationsAndBehindTheCore) {
+  NetworkOptions options = variant("norm_decoder");
+  options.normalize_input = false;
+  const ActorCritic net = ActorCritic::create(options, 3, torch::kCPU);
+  torch::NoGradGuard no_grad;
+  std::map<std::string, Tensor> p;
+  for (const auto& [name, tensor] : net.named_parameters()) {
+    if (name.find("norm") != std::string::npos) tensor.add_(torch::randn_like(tensor), 0.3);
+    p[name] = tensor;
+  }
+  const Rows rows = random_rows(options, 1, 2);
+  const auto linear = [&p](const Tensor& x, const std::string& name) {
+    return at::linear(x, p.at(name + ".weight"), p.at(name + ".bias"));
+  };
+  // Written out: (x - mean) / sqrt(variance + 1e-5), the variance divided by the number of elements.
+  const auto norm = [&p](const Tensor& x, const std::string& name) {
+    const Tensor centred = x - x.mean(1, true);
+    return centred / (centred.square().mean(1, true) + 1e-5).sqrt() * p.at(name + ".weight") +
+           p.at(name + ".bias");
+  };
+  Tensor x = rows.frame[0].to(torch::kFloat32) / 255;
+  for (const auto& [name, stride] :
+       {std::pair("encoder.conv1", 4), {"encoder.conv2", 2}, {"encoder.conv3", 2}})
+    x = at::elu(
+        at::conv2d(x, p.at(std::string(name) + ".weight"), p.at(std::string(name) + ".bias"), stride));
+  x = at::elu(norm(linear(x.flatten(1), "encoder.image"), "encoder.norm1"));
+  Tensor m = rows.measurement[0];
+  for (const std::string name : {"encoder.measurement1", "encoder.measurement2"})
+    m = at::elu(norm(linear(m, name), name + "_norm"));
+  const Tensor state =
+      at::gru_cell(at::cat({x, m}, 1), rows.state, p.at("core.weight_ih_l0"), p.at("core.weight_hh_l0"),
+                   p.at("core.bias_ih_l0"), p.at("core.bias_hh_l0"));
+  x = norm(state, "core_norm");
+  for (const std::string index : {"0", "1"})
+    x = at::elu(norm(linear(x, "decoder." + index), "decoder_norm." + index));
+  const PolicyOutput output = net.step(rows.frame[0], rows.measurement[0], rows.state);
+  EXPECT_LT(largest_difference(output.logits, linear(x, "action_head")), 1e-4);
+  EXPECT_LT(largest_difference(output.recurrent_state, state), 1e-4) << "the state itself stays as it is";
+}
 
 TEST(ActorCritic, HappoHasTheParameterCountOfTheSpecification) {
   RunConfig config;

@@ -49,6 +49,7 @@ TEST(AppliesWhen, AnotherSettingMayDecide) {
   EXPECT_TRUE(applies("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}}));
   EXPECT_FALSE(applies("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}, {"per", "false"}}));
   EXPECT_FALSE(applies("n_step", {{"algo", "vdn"}, {"td_lambda", "0.8"}}));
+  EXPECT_FALSE(applies("q_layer_norm", {{"algo", "ippo"}}));
   EXPECT_FALSE(applies("train_every_decisions", {{"algo", "vdn"}, {"replay_ratio", "4"}}));
   EXPECT_FALSE(applies("plr_alpha", {{"layout_pool", "train:10"}}));
   EXPECT_TRUE(applies("plr_alpha", {{"layout_pool", "train:10"}, {"curriculum", "plr"}}));

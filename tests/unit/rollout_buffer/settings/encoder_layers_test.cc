@@ -41,6 +41,16 @@ TEST(EncoderLayers, OneSpellingForEveryWayToWriteAnEncoder) {
   EXPECT_EQ(canonical_encoder("my_encoder"), "my_encoder");
 }
 
+TEST(EncoderLayers, LayerNormalisationStandsBetweenALinearLayerAndItsActivation) {
+  const auto normalised = [](const char* layers) {
+    return layers_text(with_layer_norm(*parse_encoder(layers)));
+  };
+  EXPECT_EQ(normalised("impala_small"),
+            "conv 16 8x8/4, conv 32 4x4/2, flatten, linear 256 none, layernorm, elu");
+  EXPECT_EQ(normalised("conv 8 8x8/4 relu, layernorm, flatten, linear 40 gelu, linear 24 none, tanh"),
+            "conv 8 8x8/4 relu, layernorm, flatten, linear 40 none, layernorm, gelu, linear 24 none, tanh");
+}
+
 TEST(EncoderLayers, SizesFollowTheLayers) {
   const auto after = [](const char* layer, LayerShape shape) {
     const std::string behind = std::string(layer) == "flatten" ? ", linear 4" : ", flatten, linear 4";

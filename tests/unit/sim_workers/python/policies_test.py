@@ -50,9 +50,10 @@ def encoder_tensors(name):
 
 
 def write_checkpoint(path, encoder="impala", rnn="gru", layers=1, measurements=True, agent_id=False, normalizes=False, decoder=(),
-                     architecture=None, tensors=None, features=512, own_networks=False, old=False):
+                     architecture=None, tensors=None, features=512, own_networks=False, old=False, norms=False):
     """A checkpoint of SCENARIO. `architecture`: the section of that name, else made of the layers of `encoder`, a named one unless
-    `tensors` (of the encoder) and `features` come along. `old`: without the section, and the setting by its name of then."""
+    `tensors` (of the encoder) and `features` come along. `old`: without the section, and the setting by its name of then. `norms`: with the tensors
+    of q_layer_norm."""
     about = comrad.describe(SCENARIO)
     count, choices = len(about["measurements"]), sum(len(head) + 1 for head in about["heads"])
     torch.manual_seed(1)
@@ -62,16 +63,25 @@ def write_checkpoint(path, encoder="impala", rnn="gru", layers=1, measurements=T
     def linear(name, inputs, outputs):
         network.update({f"{name}.{part}": tensor for part, tensor in layer(inputs, outputs).items()})
 
+    def norm(name, size):
+        if norms:
+            network.update({f"{name}.weight": torch.rand(size) + 0.5, f"{name}.bias": torch.randn(size)})
+
     size = features + 2 * agent_id
+    if norms:
+        architecture = {"encoder": ", ".join(encoder_layers(encoder)) + " none, layernorm, elu"}
+        norm("encoder.norm1", 512)
     if measurements:
         linear("encoder.measurement1", count, 128), linear("encoder.measurement2", 128, 128)
+        norm("encoder.measurement1_norm", 128), norm("encoder.measurement2_norm", 128)
         size += 128
     if rnn:
         kind = nn.LSTM if rnn == "lstm" else nn.GRU
         network.update({f"core.{name}": tensor for name, tensor in kind(size, RNN, layers).state_dict().items()})
         size = RNN
+        norm("core_norm", size)
     for index, outputs in enumerate(decoder):
-        linear(f"decoder.{index}", size, outputs)
+        linear(f"decoder.{index}", size, outputs), norm(f"decoder_norm.{index}", outputs)
         size = outputs
     linear("action_head", size, choices), linear("value_head", size, 1)
     if own_networks:
@@ -96,6 +106,7 @@ VARIANTS = {
     "feed_forward": {"rnn": "", "agent_id": True, "measurements": False},
     "two_lstm_layers": {"rnn": "lstm", "layers": 2, "decoder": (32, 16), "encoder": "simple"},
     "of_before_the_section_architecture": {"old": True},
+    "layer_norm": {"norms": True, "decoder": (32, 16)},
     "resnet_normalized": {"encoder": "resnet", "normalizes": True},
 }
 
