@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "learner/batch/masked.h"
@@ -22,16 +23,17 @@
 namespace comrad::learn {
 namespace {
 
-uint64_t seed_of(const RunConfig& config, const char* purpose) {
-  return RngKey(static_cast<uint64_t>(config.run.seed)).split(purpose).bits();
+RngKey key_of(const RunConfig& config, const char* purpose) {
+  return RngKey(static_cast<uint64_t>(config.run.seed)).split(purpose);
 }
+uint64_t seed_of(const RunConfig& config, const char* purpose) { return key_of(config, purpose).bits(); }
 
 /// A fresh mixer; equal ones for online and target, since both come from one seed. Null for idqn.
-std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env,
-                                const policy::ActorCritic& net) {
+std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env, const policy::ActorCritic& net,
+                                uint64_t seed) {
   if (!config.run.algo->mixes_q_values()) return nullptr;
   return make_mixer(MixerOptions::from(config, env, net.encoded_count(), net.options().global_state_count),
-                    seed_of(config, "mixer"), net.device());
+                    seed, net.device());
 }
 
 std::vector<Tensor> parameters_of(const policy::ActorCritic& net, const Mixer* mixer) {
@@ -88,8 +90,8 @@ QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device
       net_(policy::ActorCritic::create(policy::NetworkOptions::from(config, env), seed_of(config, "network"),
                                        device)),
       target_net_(net_.twin()),
-      mixer_(mixer_of(config, env, net_)),
-      target_mixer_(mixer_of(config, env, net_)),
+      mixer_(mixer_of(config, env, net_, seed_of(config, "mixer"))),
+      target_mixer_(mixer_of(config, env, net_, seed_of(config, "mixer"))),
       optimizer_(parameters_of(net_, mixer_.get()), AdamSettings::from(config)),
       targets_(parameters_of(target_net_, target_mixer_.get()), optimizer_.parameters(),
                config.q_learning.target_update_tau, config.q_learning.target_update_interval, device),
@@ -234,6 +236,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
     return stats;
   }
   targets_.follow(version());
+  reset_if_due();
   report(outcome, stats);
   if (!mixer_) {  // the reference's names for decisions that do not count
     stats.values.emplace_back("train/policy_lag_valid_frac", stats.lag.valid_fraction);
@@ -248,6 +251,27 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   }
   if (context.after_step) context.after_step();
   return stats;
+}
+
+void QLearning::reset_if_due() {
+  const auto every = static_cast<PolicyVersion>(config_.q_learning.q_reset_every_updates);
+  if (every == 0 || version() % every != 0) return;
+  torch::NoGradGuard no_grad;
+  const RngKey key = key_of(config_, "reset").split(static_cast<uint64_t>(version()));
+  const policy::ActorCritic fresh_net =
+      policy::ActorCritic::create(net_.options(), key.split("network").bits(), device_);
+  const std::unique_ptr<Mixer> fresh_mixer = mixer_of(config_, env_, net_, key.split("mixer").bits());
+  const std::vector<Tensor> fresh = parameters_of(fresh_net, fresh_mixer.get());
+  const auto named = net_.named_parameters();  // the mixer's lie behind them
+  for (std::size_t i = 0; i < fresh.size(); ++i) {
+    const bool is_last = i >= named.size() || std::string_view(part_of_parameter(named[i].first)) == "heads";
+    const double share = is_last ? 1 : config_.q_learning.q_reset_fresh_share;
+    parameters()[i].lerp_(fresh[i], share);
+    target_parameters()[i].lerp_(fresh[i], share);
+    if (is_last) optimizer_.clear_moments(i);
+  }
+  spdlog::info("optimizer step {}: last layers reset, {:.3g} of encoder and core replaced by fresh weights",
+               version(), config_.q_learning.q_reset_fresh_share);
 }
 
 void QLearning::rescale_outputs(double before, double after) {
@@ -268,6 +292,8 @@ void QLearning::report(const StepOutcome& outcome, UpdateStats& stats) const {
   append_terms(outcome.terms, stats.values);
   put("train/q_sigma", q_sigma());
   if (config_.q_learning.td_lambda < 0) put("train/n_step", static_cast<double>(n_step_));
+  if (const int64_t every = config_.q_learning.q_reset_every_updates; every > 0)
+    put("train/q_resets", std::floor(static_cast<double>(version()) / static_cast<double>(every)));
   put("train/grad_norm", runner_.grad_norm());
   put("train/adam_max_second_moment", outcome.max_second_moment);
   put("train/valids_fraction", stats.lag.valid_fraction);

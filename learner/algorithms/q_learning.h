@@ -11,6 +11,11 @@
 // With normalize_q_values a network's Q is in units of sigma (q_scale.h); y, the clamp and all reports are in
 // natural units, the loss compares Q and y / sigma. Stage: update.
 //
+// With q_reset_every_updates = K, after every K-th step the decoder, the action heads and the mixer of both networks are drawn
+// anew, their moments of Adam are 0, and encoder and core w become (1 - s) w + s w', s = q_reset_fresh_share and w' as fresh:
+// networks that have fitted early targets lose the ability to fit later ones, and the replay teaches the fresh layers soon.
+// Source: Schwarzer et al. 2023, BBF, arXiv:2305.19452, section 4 (shrink and perturb: Ash and Adams 2020, arXiv:1910.08475).
+//
 // Several ranks take one step on B samples, of which each of the N draws B / N from its own replay. Gradients, counts
 // and reports are over all of them. A unit i of rank k, whose M_k units have the priorities p with the sum S_k, is drawn
 // with the probability q_i = p_i / (N S_k); that is the p_i / S of one replay where the S_k are equal. As there
@@ -109,6 +114,8 @@ class QLearning : public OffPolicyAlgorithm {
   };
   /// Puts what changes over the run where it stands at these env frames.
   void place_schedules(double env_frames);
+  /// Resets at the versions of q_reset_every_updates; what it draws is a function of the run's seed and the version.
+  void reset_if_due();
   Totals totals_of(const ReplayBatch& batch);
   StepRequest request_for(Input& input, const Totals& totals, const UpdateContext& context);
   /// The micro-batches of a batch, all on the device before the step begins.

@@ -46,8 +46,10 @@ struct AdamOptimizer::State {
   std::vector<torch::Tensor> parameters;
   AdamSettings settings;
   std::vector<torch::Tensor> mean,
-      square;                    ///< exp_avg and exp_avg_sq; undefined before a parameter's first gradient
-  torch::Tensor steps;           ///< f64 [], on the device: steps taken
+      square;           ///< exp_avg and exp_avg_sq; undefined before a parameter's first gradient
+  torch::Tensor steps;  ///< f64 [], on the device: steps taken
+  torch::Tensor
+      steps_before;  ///< f64 [P], on the device: of those, before a parameter's moments were cleared
   torch::Tensor gradient_norms;  ///< f64 [P], on the device: of the parameters' gradients at the last step
 
   bool has_own_kernels() const {
@@ -69,6 +71,7 @@ AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSe
                        .mean = {},
                        .square = {},
                        .steps = {},
+                       .steps_before = {},
                        .gradient_norms = {}}) {
   state_->mean.resize(state_->parameters.size());
   state_->square.resize(state_->parameters.size());
@@ -77,6 +80,7 @@ AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSe
   state_->steps = torch::zeros({}, torch::TensorOptions(torch::kFloat64).device(device));
   state_->gradient_norms =
       torch::zeros({static_cast<int64_t>(state_->parameters.size())}, state_->steps.options());
+  state_->steps_before = torch::zeros_like(state_->gradient_norms);
 }
 AdamOptimizer::~AdamOptimizer() = default;
 AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
@@ -135,22 +139,25 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
   if (!is_finite) return outcome;
   double& steps = *state_->steps.data_ptr<double>();
   steps += 1;
-  const policy::kernels::AdamStep numbers{
-      .gradient_scale = static_cast<float>(limit > 0 ? std::min(1.0, limit / (norm + 1e-6)) : 1.0),
-      .beta1 = static_cast<float>(settings.beta1),
-      .beta2 = static_cast<float>(settings.beta2),
-      .one_less_beta1 = static_cast<float>(1 - settings.beta1),
-      .one_less_beta2 = static_cast<float>(1 - settings.beta2),
-      .step_size = static_cast<float>(learning_rate / (1 - std::pow(settings.beta1, steps))),
-      .root_scale = static_cast<float>(1 / std::sqrt(1 - std::pow(settings.beta2, steps))),
-      .epsilon = static_cast<float>(settings.epsilon)};
+  const auto numbers_of = [&](std::size_t parameter) {
+    const double since = steps - state_->steps_before.data_ptr<double>()[parameter];
+    return policy::kernels::AdamStep{
+        .gradient_scale = static_cast<float>(limit > 0 ? std::min(1.0, limit / (norm + 1e-6)) : 1.0),
+        .beta1 = static_cast<float>(settings.beta1),
+        .beta2 = static_cast<float>(settings.beta2),
+        .one_less_beta1 = static_cast<float>(1 - settings.beta1),
+        .one_less_beta2 = static_cast<float>(1 - settings.beta2),
+        .step_size = static_cast<float>(learning_rate / (1 - std::pow(settings.beta1, since))),
+        .root_scale = static_cast<float>(1 / std::sqrt(1 - std::pow(settings.beta2, since))),
+        .epsilon = static_cast<float>(settings.epsilon)};
+  };
   device::share_out(pieces.size(), [&](std::size_t k) {
     const device::Piece& piece = pieces[k];
     const std::size_t i = indices[piece.tensor];
-    policy::kernels::adam_step(numbers, piece.size(), gradients[piece.tensor].data_ptr<float>() + piece.begin,
-                               state_->mean[i].data_ptr<float>() + piece.begin,
-                               state_->square[i].data_ptr<float>() + piece.begin,
-                               state_->parameters[i].data_ptr<float>() + piece.begin);
+    policy::kernels::adam_step(
+        numbers_of(i), piece.size(), gradients[piece.tensor].data_ptr<float>() + piece.begin,
+        state_->mean[i].data_ptr<float>() + piece.begin, state_->square[i].data_ptr<float>() + piece.begin,
+        state_->parameters[i].data_ptr<float>() + piece.begin);
   });
   for (const std::size_t i : indices) state_->parameters[i].unsafeGetTensorImpl()->bump_version();
   return outcome;
@@ -170,9 +177,9 @@ torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indi
   const double limit = settings.max_grad_norm;
   const torch::Tensor scale = limit > 0 ? (limit / (norm + 1e-6)).clamp_max(1.0) : torch::ones_like(norm);
   state_->steps.add_(taken);
-  const torch::Tensor steps = state_->steps.clamp_min(1.0);
-  const torch::Tensor step_size = learning_rate * taken / (1 - at::pow(settings.beta1, steps)),
-                      root_scale = (1 - at::pow(settings.beta2, steps)).rsqrt();
+  const torch::Tensor since = (state_->steps - state_->steps_before).clamp_min(1.0);  // [P]
+  const torch::Tensor step_sizes = learning_rate * taken / (1 - at::pow(settings.beta1, since)),
+                      root_scales = (1 - at::pow(settings.beta2, since)).rsqrt();
   for (const std::size_t i : indices) {
     torch::Tensor &parameter = state_->parameters[i], &mean = state_->mean[i], &square = state_->square[i];
     const auto type = parameter.scalar_type();
@@ -181,9 +188,19 @@ torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indi
                                                 torch::zeros({}, parameter.options().requires_grad(false)));
     mean.lerp_(gradient, ((1 - settings.beta1) * taken).to(type).expand_as(mean));
     square.lerp_(gradient.square(), ((1 - settings.beta2) * taken).to(type).expand_as(square));
-    parameter.sub_(mean / (square.sqrt() * root_scale.to(type) + settings.epsilon) * step_size.to(type));
+    const auto at_parameter = static_cast<int64_t>(i);
+    parameter.sub_(mean / (square.sqrt() * root_scales[at_parameter].to(type) + settings.epsilon) *
+                   step_sizes[at_parameter].to(type));
   }
   return torch::stack({taken, norm});
+}
+
+void AdamOptimizer::clear_moments(std::size_t index) {
+  if (!has_stepped(index)) return;
+  torch::NoGradGuard no_grad;
+  state_->mean[index].zero_();
+  state_->square[index].zero_();
+  state_->steps_before[static_cast<int64_t>(index)].copy_(state_->steps);
 }
 
 bool AdamOptimizer::has_stepped(std::size_t index) const { return state_->mean[index].defined(); }
@@ -196,7 +213,8 @@ double AdamOptimizer::step_multiplier(std::size_t index) const {
   torch::NoGradGuard no_grad;
   if (!has_stepped(index)) return 0;
   const AdamSettings& settings = state_->settings;
-  const torch::Tensor correction = 1 - at::pow(settings.beta2, state_->steps.clamp_min(1.0));
+  const torch::Tensor since = state_->steps - state_->steps_before[static_cast<int64_t>(index)];
+  const torch::Tensor correction = 1 - at::pow(settings.beta2, since.clamp_min(1.0));
   const torch::Tensor s = (state_->square[index] / correction).sqrt();
   return (s / (s + settings.epsilon)).mean().item<double>();
 }
@@ -212,9 +230,10 @@ torch::Tensor AdamOptimizer::max_second_moment() const {
 void AdamOptimizer::save(StateDict& state, const std::string& section, const std::string& prefix) const {
   const auto steps = static_cast<int64_t>(state_->steps.item<double>());
   if (steps == 0) return;
+  const torch::Tensor before = state_->steps_before.to(torch::kCPU, torch::kInt64);
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
     if (!has_stepped(i)) continue;
-    state.put(entry_prefix(section, prefix, i) + ".step", steps);
+    state.put(entry_prefix(section, prefix, i) + ".step", steps - before.data_ptr<int64_t>()[i]);
     state.put(entry_prefix(section, prefix, i) + ".exp_avg", state_->mean[i]);
     state.put(entry_prefix(section, prefix, i) + ".exp_avg_sq", state_->square[i]);
   }
@@ -223,18 +242,22 @@ void AdamOptimizer::save(StateDict& state, const std::string& section, const std
 Status AdamOptimizer::load(const StateDict& state, const std::string& section,
                            const std::string& key_prefix) {
   int64_t steps = 0;
+  torch::Tensor since = torch::full(state_->steps_before.sizes(), -1.0, torch::kFloat64);
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
     const std::string prefix = entry_prefix(section, key_prefix, i);
     state_->mean[i] = state_->square[i] = torch::Tensor();
     if (!state.has(prefix + ".step")) continue;
     COMRAD_TRY_ASSIGN(const int64_t of_parameter, state.integer(prefix + ".step"));
     steps = std::max(steps, of_parameter);
+    since.data_ptr<double>()[i] = static_cast<double>(of_parameter);
     state_->make_moments(i);
     COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg", state_->mean[i]));
     COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg_sq", state_->square[i]));
   }
   torch::NoGradGuard no_grad;
   state_->steps.fill_(static_cast<double>(steps));
+  const double all = static_cast<double>(steps);
+  state_->steps_before.copy_(torch::where(since.ge(0), all - since, torch::zeros({}, torch::kFloat64)));
   return {};
 }
 

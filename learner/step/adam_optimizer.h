@@ -29,6 +29,7 @@ struct AdamSettings {
 ///
 ///   m <- b1 m + (1 - b1) c g      v <- b2 v + (1 - b2) (c g)^2      p <- p - lr m_hat / (sqrt(v_hat) + eps)
 ///   c  = min(1, max_grad_norm / (|g| + 1e-6)), |g| over all parameters
+///   m_hat = m / (1 - b1^t), v_hat = v / (1 - b2^t), t the steps since the parameter's moments were 0
 class AdamOptimizer {
  public:
   AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSettings& settings);
@@ -45,8 +46,11 @@ class AdamOptimizer {
   /// The same with a rate f64 [] that lies on the device, by torch's operators alone: it can be recorded (device/queue.h).
   torch::Tensor step(const torch::Tensor& learning_rate, const torch::Tensor& loss);
 
+  /// Sets the moments of parameter `index` to 0: its next step is a first one.
+  void clear_moments(std::size_t index);
+
   /// Of parameter `index`: whether it has moments, the norm of its gradient at the last step (before the clip; 0 without one), and the mean over its elements of s / (s + epsilon),
-  /// s = sqrt(exp_avg_sq / (1 - beta2^step)), 0 before the first step.
+  /// s = sqrt(exp_avg_sq / (1 - beta2^t)), 0 before the first step.
   bool has_stepped(std::size_t index) const;
   double gradient_norm(std::size_t index) const;
   double step_multiplier(std::size_t index) const;

@@ -77,6 +77,7 @@ constexpr Metric kQLearningItsReplay[] = {
     {"train/agent_qs_min", "return", ""},
     {"train/q_std_across_actions", "return", "over the choices of all heads"},
     {"train/q_sigma", "return", "factor of the networks' outputs (`normalize_q_values`)"},
+    {"train/q_resets", "resets", "so far (`q_reset_every_updates`)"},
     {"train/n_step", "decisions", "rewards in a target (`n_step`, where `td_lambda` is below 0)"},
     {"train/done_ratio", "share", "decisions that ended an episode"},
     {"train/timeout_ratio", "share", "decisions at which time cut an episode"},

@@ -85,6 +85,9 @@ inline constexpr AppliesWhen an_exploration_loss = {
 inline constexpr AppliesWhen target_copies = {
     [](const RunConfig& c) { return q_learning.holds(c) && c.q_learning.target_update_tau == 1; },
     "Q-learning and target_update_tau 1"};
+inline constexpr AppliesWhen resets = {
+    [](const RunConfig& c) { return q_learning.holds(c) && c.q_learning.q_reset_every_updates > 0; },
+    "Q-learning and q_reset_every_updates above 0"};
 inline constexpr AppliesWhen n_step_targets = {
     [](const RunConfig& c) { return q_learning.holds(c) && c.q_learning.td_lambda < 0; },
     "Q-learning and td_lambda below 0"};

@@ -118,6 +118,8 @@ constexpr Row kPaper[] = {
     {"n_step", "1"},
     {"td_lambda", "-1"},
     {"q_value_clamp", "100"},
+    {"q_reset_every_updates", "0"},
+    {"q_reset_fresh_share", "0.5"},
     {"normalize_q_values", "false"},
     {"use_huber_loss", "true"},
     {"dqn_reward_clip", "1"},

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -597,6 +598,85 @@ TEST_P(EveryAlgorithm, LearnsWithLayerNormalisation) {
   EXPECT_EQ(norms, 6) << "of the encoder's linear layer, the core and the decoder";
   for (int i = 0; i < 20; ++i) ASSERT_TRUE(learner->update(batch, {}));
   EXPECT_LT(loss_of(*learner, batch), before);
+}
+
+/// A learner whose networks were reset at its second update, and the batch that it was given.
+std::unique_ptr<QLearning> after_a_reset(RunConfig config, ReplayBatch& batch, int64_t every, double share) {
+  config.q_learning.q_reset_every_updates = every;
+  config.q_learning.q_reset_fresh_share = share;
+  auto learner = q_learner(config);
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(learner->update(batch, {}));
+  return learner;
+}
+
+TEST_P(EveryAlgorithm, AResetRedrawsTheLastLayersAndMovesTheOthersHalfWay) {
+  RunConfig config = q_config(GetParam(), true);
+  config.network.decoder_mlp_layers = "8";
+  ReplayBatch batch = q_batch(config, 37);
+  const auto as_trained = after_a_reset(config, batch, 0, 0.5), kept = after_a_reset(config, batch, 2, 0),
+             fresh = after_a_reset(config, batch, 2, 1), half = after_a_reset(config, batch, 2, 0.5);
+  StateDict state;
+  half->save(state);
+  const auto named = half->net().named_parameters();
+  int last = 0;
+  for (std::size_t i = 0; i < half->parameters().size(); ++i) {
+    const bool is_last = i >= named.size() || named[i].first.find("decoder") != std::string::npos ||
+                         named[i].first.find("action_head") != std::string::npos;
+    last += is_last;
+    for (const bool target : {false, true}) {
+      SCOPED_TRACE((i < named.size() ? named[i].first : "mixer") + (target ? " of the target" : ""));
+      const auto of = [&](const QLearning& learner) {
+        return (target ? learner.target_parameters() : learner.parameters())[i].detach();
+      };
+      const bool varies = of(*fresh).numel() > 1 && of(*fresh).std().item<float>() > 0;
+      if (is_last) {
+        EXPECT_TRUE(torch::equal(of(*half), of(*fresh)));
+        EXPECT_TRUE(torch::equal(of(*kept), of(*fresh)));
+        EXPECT_TRUE(torch::equal(of(*half), half->parameters()[i])) << "both networks begin alike";
+      } else {
+        EXPECT_TRUE(torch::equal(of(*kept), of(*as_trained)));
+        EXPECT_TRUE(torch::allclose(of(*half), (of(*as_trained) + of(*fresh)) / 2, 1e-5, 1e-7));
+      }
+      if (varies) {
+        EXPECT_FALSE(torch::equal(of(*fresh), of(*as_trained)));
+      }
+    }
+    char number[8];
+    std::snprintf(number, sizeof(number), "%03d", static_cast<int>(i));
+    const std::string key = "optimizer/" + std::string(number);
+    if (!state.has(key + ".step")) continue;  // no gradient reaches it
+    EXPECT_EQ(state.integer(key + ".step").value(), is_last ? 0 : 2) << key;
+    EXPECT_EQ(state.tensor(key + ".exp_avg")->abs().max().item<float>() == 0, is_last) << key;
+    EXPECT_EQ(state.tensor(key + ".exp_avg_sq")->abs().max().item<float>() == 0, is_last) << key;
+  }
+  EXPECT_GE(last, 4);
+  // The next one draws others.
+  const Tensor& head = named[named.size() - 2].second;  // the weight; a bias may begin as 0
+  const Tensor first = head.detach().clone();
+  for (int i = 0; i < 2; ++i) {
+    const auto stats = half->update(batch, {});
+    ASSERT_TRUE(stats);
+    EXPECT_EQ(test::values_of(*stats).at("train/q_resets"), 1 + i);
+  }
+  EXPECT_FALSE(torch::equal(head.detach(), first));
+}
+
+TEST_P(EveryAlgorithm, AResumedRunIsResetAtTheSameStepToTheSameWeights) {
+  RunConfig config = q_config(GetParam(), true);
+  config.q_learning.q_reset_every_updates = 3;
+  const auto one = q_learner(config);
+  ReplayBatch batch = q_batch(config, 38);
+  for (int saved_at = 1; saved_at <= 3; ++saved_at) {
+    ASSERT_TRUE(one->update(batch, {}));
+    StateDict state;
+    one->save(state);
+    const auto other = q_learner(config), whole = q_learner(config);
+    ASSERT_TRUE(other->load(state));
+    for (int i = 0; i < 3; ++i) ASSERT_TRUE(other->update(batch, {}));
+    for (int i = 0; i < saved_at + 3; ++i) ASSERT_TRUE(whole->update(batch, {}));
+    EXPECT_TRUE(test::all_equal(other->parameters(), whole->parameters())) << saved_at;
+    EXPECT_TRUE(test::all_equal(other->target_parameters(), whole->target_parameters())) << saved_at;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(QLearning, EveryAlgorithm,

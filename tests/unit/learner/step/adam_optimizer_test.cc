@@ -125,6 +125,47 @@ TEST(AdamOptimizer, AReloadedOptimizerTakesTheSameNextStep) {
   EXPECT_TRUE(torch::equal(run(true), run(false)));
 }
 
+TEST(AdamOptimizer, AParameterWithClearedMomentsStepsAsAFreshOne) {
+  for (const auto type : {torch::kFloat64, torch::kFloat32}) {
+    const auto gradient = [type](int step) { return torch::full({3}, 0.1 * step - 0.25, type); };
+    for (const bool reload : {false, true}) {
+      torch::Tensor kept = torch::zeros({3}, type).requires_grad_(),
+                    cleared = torch::zeros({3}, type).requires_grad_();
+      AdamOptimizer optimizer({kept, cleared}, {.max_grad_norm = 0});
+      const auto step = [&](int number) {
+        kept.mutable_grad() = gradient(number);
+        cleared.mutable_grad() = gradient(number);
+        optimizer.step(1e-2);
+      };
+      for (int number = 1; number <= 4; ++number) step(number);
+      const torch::Tensor start = cleared.detach().clone();
+      optimizer.clear_moments(1);
+      EXPECT_EQ(optimizer.step_multiplier(1), 0);
+      step(5);
+      if (reload) {
+        StateDict state;
+        optimizer.save(state, "optimizer");
+        EXPECT_EQ(state.integer("optimizer/000.step").value(), 5);
+        EXPECT_EQ(state.integer("optimizer/001.step").value(), 1);
+        optimizer = AdamOptimizer({kept, cleared}, {.max_grad_norm = 0});
+        ASSERT_TRUE(optimizer.load(state, "optimizer"));
+      }
+      step(6);
+      torch::Tensor all = torch::zeros({3}, type).requires_grad_(), fresh = start.clone().requires_grad_();
+      AdamOptimizer undisturbed({all}, {.max_grad_norm = 0}), new_one({fresh}, {.max_grad_norm = 0});
+      for (int number = 1; number <= 6; ++number) {
+        all.mutable_grad() = gradient(number);
+        undisturbed.step(1e-2);
+        if (number < 5) continue;
+        fresh.mutable_grad() = gradient(number);
+        new_one.step(1e-2);
+      }
+      EXPECT_TRUE(torch::equal(kept.detach(), all.detach()));
+      EXPECT_TRUE(torch::equal(cleared.detach(), fresh.detach()));
+    }
+  }
+}
+
 TEST(AdamOptimizer, RefusesMomentsOfAnotherShape) {
   torch::Tensor p = torch::zeros({4}).requires_grad_(), q = torch::zeros({5}).requires_grad_();
   AdamOptimizer of_p({p}, {}), of_q({q}, {});

@@ -50,6 +50,8 @@ TEST(AppliesWhen, AnotherSettingMayDecide) {
   EXPECT_FALSE(applies("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}, {"per", "false"}}));
   EXPECT_FALSE(applies("n_step", {{"algo", "vdn"}, {"td_lambda", "0.8"}}));
   EXPECT_FALSE(applies("q_layer_norm", {{"algo", "ippo"}}));
+  EXPECT_FALSE(applies("q_reset_fresh_share", {{"algo", "vdn"}}));
+  EXPECT_TRUE(applies("q_reset_fresh_share", {{"algo", "vdn"}, {"q_reset_every_updates", "9"}}));
   EXPECT_FALSE(applies("train_every_decisions", {{"algo", "vdn"}, {"replay_ratio", "4"}}));
   EXPECT_FALSE(applies("plr_alpha", {{"layout_pool", "train:10"}}));
   EXPECT_TRUE(applies("plr_alpha", {{"layout_pool", "train:10"}, {"curriculum", "plr"}}));
@@ -67,7 +69,7 @@ TEST(AppliesWhen, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
       {{"algo", "ippo"}, {"serve", "true"}},
       {{"algo", "idqn"}, {"use_rnn", "false"}, {"target_update_tau", "1"}},
       {{"algo", "qmix"}, {"per_sequences", "true"}},
-      {{"algo", "vdn"}, {"use_rnn", "false"}},
+      {{"algo", "vdn"}, {"use_rnn", "false"}, {"q_reset_every_updates", "1000"}},
       {{"algo", "qplex_q"}, {"qplex_adv_hypernet_layers", "2"}}};
   for (const SettingRow& row : setting_rows()) {
     ASSERT_NE(row.traits.applies_when.holds, nullptr) << row.name;
