@@ -20,6 +20,7 @@ NEEDS = {
     "join": "another host",
     "serve": "another host",
     "docs": "a browser",
+    "doctor": "your machine",
 }
 PLACEHOLDER = re.compile(r"\.\.\.|[A-Z]{3,}|\$|[|<>]|\bpath/to/|\bK\b")  # a word that a reader replaces
 COMMAND = re.compile(r"\s*(?:\w+:?\$ +)?(?:\./|~/comrad/bin/)?comrad +([a-z]\S*.*)")

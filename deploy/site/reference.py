@@ -92,7 +92,7 @@ def first_sentence(path: pathlib.Path) -> str:
         paragraph = re.match(r"(?://.*\n)*", text)[0]
         paragraph = re.split(r"\n//\s*\n", paragraph)[0]
         paragraph = "\n".join(line.removeprefix("//").strip() for line in paragraph.splitlines())
-    return re.split(r"(?<=[.:!?])\s+(?=[A-Z\"`'])", " ".join(paragraph.split()), maxsplit=1)[0].rstrip(":")
+    return re.split(r"(?<=[.!?])\s+(?=[A-Z\"`'])", " ".join(paragraph.split()), maxsplit=1)[0].rstrip(":")
 
 
 def files(home: pathlib.Path, part: str) -> tuple[str, list[str]]:

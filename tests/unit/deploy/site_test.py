@@ -11,6 +11,7 @@ import html.parser
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -116,7 +117,7 @@ class PageCommands:
             words = ["config", *[word for word in words[1:] if word not in ONLY_TRAIN]]
             if any(word.endswith((".toml", ".pt", ".cfg")) or word in ("--keys", "--layout_pool") for word in words):
                 return None
-        elif not is_complete(words) or words[0] in NEEDS:
+        elif not is_complete(words) or words[0] in NEEDS or ("--nodes" in words and not shutil.which("zdbsp")):
             return None if words[0] == "test" else self.unknown_flag(words, text)  # ctest gets the words of test
         done = self.start(*words)
         self.run_count += 1
