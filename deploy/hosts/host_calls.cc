@@ -12,7 +12,7 @@
 #include "deploy/process/child_program.h"
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/parts.h"
-#include "rollout_buffer/link/link_address.h"
+#include "rollout_buffer/link/join/link_address.h"
 
 namespace comrad::deploy {
 namespace {

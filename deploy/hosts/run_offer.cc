@@ -13,7 +13,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/core/parts.h"
-#include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/link/join/link_files.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/resolve.h"
 

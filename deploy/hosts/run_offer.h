@@ -6,7 +6,7 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/link/door.h"
+#include "rollout_buffer/link/join/endpoint.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {

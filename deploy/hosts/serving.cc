@@ -5,7 +5,7 @@
 #include "deploy/hosts/host_calls.h"
 #include "deploy/hosts/run_offer.h"
 #include "rollout_buffer/dds/bus_config.h"
-#include "rollout_buffer/link/link_address.h"
+#include "rollout_buffer/link/join/link_address.h"
 
 namespace comrad::deploy {
 

@@ -216,13 +216,13 @@ Status write_status(const std::string& run_dir, const RunStatus& status) {
   json["cpu_s"] = nlohmann::ordered_json::object();
   for (const auto& [role, seconds] : status.cpu_s) json["cpu_s"][role] = seconds;
   if (status.accounts) json["decisions_account"] = account_json(*status.accounts);
-  for (const link::FeederRecord& guest : status.guests)
-    json["hosts"].push_back({{"host", guest.host},
-                             {"is_here", guest.is_here},
-                             {"workers", guest.workers},
-                             {"played", guest.played_there},
-                             {"delivered", guest.decisions},
-                             {"lost", guest.lost_there}});
+  for (const link::PeerRecord& peer : status.peers)
+    json["hosts"].push_back({{"host", peer.host},
+                             {"is_here", peer.is_here},
+                             {"workers", peer.workers},
+                             {"played", peer.played_there},
+                             {"delivered", peer.decisions},
+                             {"lost", peer.lost_there}});
   if (status.frames)
     json["frame_link"] = {{"latency_us_p50", status.frames->latency_us_p50},
                           {"latency_us_p90", status.frames->latency_us_p90},

@@ -13,8 +13,7 @@
 
 #include "deploy/launch/run_accounts.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/link/frame_stream.h"
-#include "rollout_buffer/link/seats.h"
+#include "rollout_buffer/link/session/accounts.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
@@ -73,7 +72,7 @@ struct RunStatus {
   std::vector<std::pair<std::string, double>> cpu_s;  ///< CPU seconds in that time, by role
   std::optional<DecisionAccounts> accounts;           ///< of training
   std::string message;
-  std::vector<link::FeederRecord> guests = {};  ///< hosts that feed this run, or did
+  std::vector<link::PeerRecord> peers = {};  ///< hosts that feed this run, or did
   std::optional<link::FrameAccount> frames =
       {};  ///< of a host that plays with another one's policy, frame by frame
 };

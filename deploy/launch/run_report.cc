@@ -8,7 +8,7 @@
 
 #include "deploy/launch/progress.h"
 #include "rollout_buffer/core/score_text.h"
-#include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/link/join/link_files.h"
 #include "rollout_buffer/schema/version.h"
 
 namespace comrad::deploy {
@@ -86,8 +86,8 @@ std::string RunReport::progress_line() const {
 /// "2 hosts", "no host"; empty where none may join.
 std::string RunReport::hosts_text() const {
   if (!plan_.serves()) return "";
-  const std::vector<link::FeederRecord> guests = link::all_guests(plan_.run_dir);
-  const auto here = std::ranges::count_if(guests, &link::FeederRecord::is_here);
+  const std::vector<link::PeerRecord> peers = link::all_peers(plan_.run_dir);
+  const auto here = std::ranges::count_if(peers, &link::PeerRecord::is_here);
   return here == 1 ? "1 host feeds" : fmt::format("{} hosts feed", here);
 }
 
@@ -98,13 +98,13 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   status.learner_version = stats.learner_version;
   status.message = message;
   status.elapsed_s = clock_.now_s() - began_s_;
-  for (const Role role :
-       {Role::kSim, Role::kPolicy, Role::kLearner, Role::kReceiver, Role::kFrameReceiver, Role::kFeeder})
+  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner, Role::kTrajectoryReceiver,
+                          Role::kFrameReceiver, Role::kTrajectorySender})
     if (workers_.has(role) || role <= Role::kLearner)
       status.cpu_s.emplace_back(name_of(role), workers_.cpu_seconds(role));
   status.cpu_s.emplace_back("supervisor", process_cpu_s() - cpu_began_s_);
   if (plan_.drains()) status.accounts = meter_.accounts();
-  if (plan_.serves()) status.guests = link::all_guests(plan_.run_dir);
+  if (plan_.serves()) status.peers = link::all_peers(plan_.run_dir);
   if (plan_.sends_frames)
     if (const std::optional<link::Feed> feed = link::read_feed(plan_.run_dir)) status.frames = feed->frames;
   if (plan_.trains()) {

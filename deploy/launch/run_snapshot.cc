@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/host_name.h"
-#include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/link/join/link_files.h"
 #include "rollout_buffer/shm/accounts.h"
 
 namespace comrad::deploy {
@@ -75,18 +75,18 @@ void SnapshotTaker::look(const shm::Arena& arena, double now_s) {
     last.busy = busy + wait > 0 ? busy / (busy + wait) : 0;
   }
   if (!plan_.serves()) return;
-  std::map<std::string, GuestLook> guests;  // by name: several runs of one host are one line
-  for (const link::FeederRecord& record : link::all_guests(plan_.run_dir)) {
-    GuestLook& guest = guests[record.host];
-    guest.decisions += record.decisions;
+  std::map<std::string, PeerLook> peers;  // by name: several runs of one host are one line
+  for (const link::PeerRecord& record : link::all_peers(plan_.run_dir)) {
+    PeerLook& peer = peers[record.host];
+    peer.decisions += record.decisions;
     if (!record.is_here) continue;
-    guest.workers += record.workers;
-    guest.credits += static_cast<int64_t>(record.credits);
+    peer.workers += record.workers;
+    peer.credits += static_cast<int64_t>(record.credits);
   }
-  for (auto& [name, guest] : guests)
-    if (const auto before = guests_.find(name); before != guests_.end())
-      guest.decisions_per_s = grown_per_s(before->second.decisions, guest.decisions, seconds);
-  guests_ = std::move(guests);
+  for (auto& [name, peer] : peers)
+    if (const auto before = peers_.find(name); before != peers_.end())
+      peer.decisions_per_s = grown_per_s(before->second.decisions, peer.decisions, seconds);
+  peers_ = std::move(peers);
 }
 
 RunSnapshot SnapshotTaker::take(const shm::Arena& arena, const RunStatus& status, double now_s) const {
@@ -148,12 +148,12 @@ RunSnapshot SnapshotTaker::take(const shm::Arena& arena, const RunStatus& status
     run.workers.push_back(std::move(one));
   }
   run.hosts.push_back(std::move(here));
-  for (const auto& [name, guest] : guests_)
-    if (guest.workers > 0)
+  for (const auto& [name, peer] : peers_)
+    if (peer.workers > 0)
       run.hosts.push_back({.name = name,
-                           .workers = guest.workers,
-                           .decisions_per_s = guest.decisions_per_s,
-                           .credits = guest.credits});
+                           .workers = peer.workers,
+                           .decisions_per_s = peer.decisions_per_s,
+                           .credits = peer.credits});
   return run;
 }
 

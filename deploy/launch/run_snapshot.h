@@ -85,7 +85,7 @@ class SnapshotTaker {
     uint64_t decisions = 0, busy_ns = 0, wait_ns = 0;
     double decisions_per_s = 0, busy = 0;
   };
-  struct GuestLook {
+  struct PeerLook {
     uint64_t decisions = 0;  ///< delivered
     int workers = 0;
     int64_t credits = 0;
@@ -95,7 +95,7 @@ class SnapshotTaker {
   const RateMeter& meter_;
   const WorkerTable& table_;
   std::map<std::string, Look> looks_;
-  std::map<std::string, GuestLook> guests_;  ///< other hosts that feed, by name
+  std::map<std::string, PeerLook> peers_;  ///< other hosts that feed, by name
   double looked_s_ = 0;
 };
 

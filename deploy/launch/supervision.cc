@@ -64,7 +64,8 @@ void Supervision::exited(Worker& worker, const ExitStatus& how) {
     return;
   }
   if (is_training_learner && is_clean) return learner_left();
-  if (worker.role == Role::kFeeder && is_clean && effects_.arena().control().goal_reached.load() != 0)
+  if (worker.role == Role::kTrajectorySender && is_clean &&
+      effects_.arena().control().goal_reached.load() != 0)
     return stop(StopReason::kFinished, "the run that this host fed has ended");
   const std::string words = workers_.last_words(worker);
   const std::string said = words.empty() ? "it said nothing" : "its last line: " + words;
@@ -118,7 +119,7 @@ uint64_t Supervision::reclaim(Worker& worker) {
   worker.is_unreclaimed = !lost;
   if (worker.role == Role::kLearner) return meter_.learner_ended();
   // What a trajectory sender had delivered; its successor adopts what it had drained, and requests again.
-  if (worker.role == Role::kFeeder) meter_.count();
+  if (worker.role == Role::kTrajectorySender) meter_.count();
   return lost.value_or(0);
 }
 

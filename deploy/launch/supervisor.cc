@@ -24,8 +24,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/link/feeder.h"
-#include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/link/join/link_files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -249,8 +248,8 @@ const RunSnapshot& Supervisor::snapshot() {
 
 Status Supervisor::drain(const std::string& host) {
   const RunSnapshot& run = snapshot();
-  const auto guest = std::ranges::find(run.hosts, host, &HostSnapshot::name);
-  if (host != run.host && guest != run.hosts.end()) {
+  const auto peer = std::ranges::find(run.hosts, host, &HostSnapshot::name);
+  if (host != run.host && peer != run.hosts.end()) {
     COMRAD_TRY(link::ask_to_leave(plan_.run_dir, host));
     resources_.note("comrad ctl: " + host + " is asked to leave; what it has played is delivered first");
     return {};

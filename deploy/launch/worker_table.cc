@@ -32,9 +32,9 @@ struct Kind {
 constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"policy", "comrad-policy-worker", "policy workers"},
                            {"learner", "comrad-learner", "learner"},
-                           {"receiver", "comrad-receiver", "receiver"},
+                           {"receiver", "comrad-trajectory-receiver", "trajectory receiver"},
                            {"frame-receiver", "comrad-frame-receiver", "frame receiver"},
-                           {"feeder", "comrad-feeder", "feeder"}};
+                           {"feeder", "comrad-trajectory-sender", "trajectory sender"}};
 constexpr bool is_single(Role role) { return role != Role::kSim && role != Role::kPolicy; }
 constexpr const char* kFilmingSimulator = "comrad-sim-film";
 
@@ -73,9 +73,9 @@ WorkerTable::WorkerTable(const LaunchPlan& plan, const Clock& clock, ProcessHost
   add(Role::kSim, plan.own_workers());
   add(Role::kPolicy, plan.own_policy_workers());
   if (plan.has_learner()) add(Role::kLearner, 1);
-  if (plan.serves()) add(Role::kReceiver, 1);
+  if (plan.serves()) add(Role::kTrajectoryReceiver, 1);
   if (plan.frame_guests() > 0) add(Role::kFrameReceiver, 1);
-  if (plan.feeds()) add(Role::kFeeder, 1);
+  if (plan.feeds()) add(Role::kTrajectorySender, 1);
 }
 
 ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& server) const {
@@ -142,12 +142,12 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       set_threads(std::max<int64_t>(1, config.collection.learner_threads));
       options.inherited_descriptor = plan_.lock_descriptor;
       break;
-    case Role::kReceiver:
+    case Role::kTrajectoryReceiver:
       add("--parameter_bytes", std::to_string(plan_.network.parameter_bytes));
       break;
     case Role::kFrameReceiver:
       break;
-    case Role::kFeeder:
+    case Role::kTrajectorySender:
       add("--patience_s", real_text(plan_.patience_s));
       if (plan_.sends_frames) add("--frames");
       break;
@@ -329,11 +329,11 @@ std::string WorkerTable::log_path(const Worker& worker) const {
 
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) {
   // Receivers use the learner's arena as simulators do, the trajectory sender uses its host's as a learner.
-  return worker.role == Role::kSim             ? arena.sim_counters(worker.index)
-         : worker.role == Role::kPolicy        ? arena.policy_counters(worker.index)
-         : worker.role == Role::kReceiver      ? arena.sim_counters(arena.shape().served_worker_count())
-         : worker.role == Role::kFrameReceiver ? arena.sim_counters(arena.shape().own_worker_count())
-                                               : arena.learner_counters();
+  return worker.role == Role::kSim                  ? arena.sim_counters(worker.index)
+         : worker.role == Role::kPolicy             ? arena.policy_counters(worker.index)
+         : worker.role == Role::kTrajectoryReceiver ? arena.sim_counters(arena.shape().served_worker_count())
+         : worker.role == Role::kFrameReceiver      ? arena.sim_counters(arena.shape().own_worker_count())
+                                                    : arena.learner_counters();
 }
 
 bool has_worked(const Worker& worker, const shm::Arena& arena) {
@@ -354,7 +354,7 @@ std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& a
     case Role::kPolicy:
       arena.reclaim_policy_worker(worker.index);
       return 0;  // its questions are asked again
-    case Role::kReceiver:
+    case Role::kTrajectoryReceiver:
     case Role::kFrameReceiver: {
       // What it had in the making is sent again, or counted as lost by the host that played it.
       const shm::ArenaShape& shape = arena.shape();
@@ -364,7 +364,7 @@ std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& a
       for (int sim = first; sim < end; ++sim) arena.reclaim_sim_worker(sim);
       return 0;
     }
-    case Role::kFeeder:
+    case Role::kTrajectorySender:
       return 0;  // its successor adopts what it had drained
     case Role::kLearner:
       arena.reclaim_learner();

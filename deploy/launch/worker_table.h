@@ -23,9 +23,9 @@
 
 namespace comrad::deploy {
 
-enum class Role { kSim, kPolicy, kLearner, kReceiver, kFrameReceiver, kFeeder };
+enum class Role { kSim, kPolicy, kLearner, kTrajectoryReceiver, kFrameReceiver, kTrajectorySender };
 constexpr std::size_t kRoleCount = 6;
-/// "simulators", "policy workers", "learner", "receiver", "frame receiver", "feeder".
+/// "simulators", "policy workers", "learner", "trajectory receiver", "frame receiver", "trajectory sender".
 const char* name_of(Role role);
 /// "sim", "policy", "learner", "receiver", "frame-receiver", "feeder": as it joins.
 const char* word_of(Role role);

@@ -24,8 +24,8 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/link/link_address.h"
-#include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/link/join/link_address.h"
+#include "rollout_buffer/link/join/link_files.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/settings/setting.h"
@@ -110,20 +110,20 @@ Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
   COMRAD_TRY_ASSIGN(dds::LinkBus bus,
                     dds::LinkBus::open(link::joining_config(
                         address, link::link_options(own.hosts, interface, request.key_folder))));
-  link::DoorVisitor door(bus, visitor, request.wait_s);
-  Expected<link::Offer> offer = door.offer();
+  link::JoinClient client(bus, visitor, request.wait_s);
+  Expected<link::Offer> offer = client.offer();
   if (!offer && offer.error().code == ErrorCode::kTimeout)
     return Error{ErrorCode::kTimeout,
                  fmt::format("{} at {}: is the run serving (`comrad serve RUN` on its host reports so), on "
                              "the interface that leads here, and are UDP ports from {} on open in both "
-                             "directions? `comrad doctor --hosts` on that host measures the way",
+                             "directions? `comrad doctor --hosts` on that host measures the connection",
                              offer.error().message, address.host,
                              dds::ports_of(link::joining_config(address, {})).first)};
   if (!offer) return Error{offer.error().code, "the run does not open: " + offer.error().message};
   COMRAD_TRY(compare_with(*offer, iwad));
   COMRAD_TRY_ASSIGN(RunDirectory directory, folder_for(own, *offer));
   for (const link::OfferedFile& file : offer->files) {
-    COMRAD_TRY_ASSIGN(const std::string bytes, door.file(file));
+    COMRAD_TRY_ASSIGN(const std::string bytes, client.file(file));
     const fs::path path = fs::path(directory.path()) / file.name;
     std::error_code failed;
     fs::create_directories(path.parent_path(), failed);

@@ -10,7 +10,7 @@
 
 #include "deploy/run/command.h"
 #include "deploy/settings/existing_run.h"
-#include "rollout_buffer/link/link_address.h"
+#include "rollout_buffer/link/join/link_address.h"
 #include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {

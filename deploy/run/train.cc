@@ -29,7 +29,7 @@
 #include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/link/link_address.h"
+#include "rollout_buffer/link/join/link_address.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/setting.h"
 

@@ -13,7 +13,7 @@
 #include "deploy/process/child_program.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
-#include "rollout_buffer/link/link_address.h"
+#include "rollout_buffer/link/join/link_address.h"
 
 namespace comrad::deploy {
 namespace {
@@ -42,13 +42,13 @@ Expected<uint64_t> fresh_id() {
   return id;
 }
 
-Expected<link::WayReport> measure_way(const link::LinkAddress& address, const RunConfig& config) {
+Expected<link::LinkReport> measure_link(const link::LinkAddress& address, const RunConfig& config) {
   COMRAD_TRY_ASSIGN(const std::string interface, link::interface_towards(address.host));
   COMRAD_TRY_ASSIGN(const uint64_t visitor, fresh_id());
   COMRAD_TRY_ASSIGN(dds::LinkBus bus, dds::LinkBus::open(link::joining_config(
                                           address, link::link_options(config.hosts, interface))));
-  link::DoorVisitor door(bus, visitor, kAnswerWaitS);
-  return link::check_way(bus, door);
+  link::JoinClient client(bus, visitor, kAnswerWaitS);
+  return link::check_link(bus, client);
 }
 
 /// Lets one host measure the connection to this one.
@@ -60,7 +60,7 @@ std::vector<CheckResult> ask_host(const HostStart& call, const RunConfig& config
     COMRAD_TRY_ASSIGN(dds::LinkBus bus,
                       dds::LinkBus::open(link::serving_config(
                           address.link_id, link::link_options(config.hosts, link::kLoopback))));
-    const link::DoorKeeper door{link::Offer()};
+    const link::JoinEndpoint endpoint{link::Offer()};
     COMRAD_TRY_ASSIGN(ChildProcess child,
                       ChildProcess::spawn({.program = call.command[0],
                                            .arguments = {call.command.begin() + 1, call.command.end()},
@@ -71,8 +71,9 @@ std::vector<CheckResult> ask_host(const HostStart& call, const RunConfig& config
     nlohmann::json report;
     std::optional<ExitStatus> how;
     for (const double end_s = monotonic_s() + kHostTimeoutS; !how && monotonic_s() < end_s;) {
-      bus.take_questions([&](const dds::DoorQuestion& question) { (void)bus.write(door.answer(question)); });
-      bus.take_fragments([](const dds::TrajectoryFragment&) {});
+      bus.take_questions(
+          [&](const dds::JoinQuestion& question) { (void)bus.write(endpoint.answer(question)); });
+      bus.take<dds::TrajectoryFragment>([](const dds::TrajectoryFragment&) {});
       bus.wait(20);
       how = child.poll_exit();
       for (const std::string& one : child.read_lines()) {
@@ -98,28 +99,29 @@ std::vector<CheckResult> ask_host(const HostStart& call, const RunConfig& config
 
 }  // namespace
 
-std::vector<CheckResult> judge_way(const link::WayReport& way) {
+std::vector<CheckResult> judge_link(const link::LinkReport& link) {
   std::vector<CheckResult> results;
   const auto add = [&](const std::string& what, bool is_good, const std::string& found,
                        const std::string& action) {
     results.push_back({what, is_good ? CheckLevel::kOk : CheckLevel::kWarn, found, is_good ? "" : action});
   };
-  add("latency", way.round_trip_ms_median < kFarMs,
-      text("round trip %.2f ms (%.2f to %.2f)", way.round_trip_ms_median, way.round_trip_ms_min,
-           way.round_trip_ms_max),
+  add("latency", link.round_trip_ms_median < kFarMs,
+      text("round trip %.2f ms (%.2f to %.2f)", link.round_trip_ms_median, link.round_trip_ms_min,
+           link.round_trip_ms_max),
       text(
           "of a host 4 trajectories are under way at once, so it delivers at most %.0f a second; longer ones "
           "(--rollout) carry more, a nearer host too",
-          4000 / way.round_trip_ms_median));
-  add("to the learner", way.up_bytes_per_s >= kNarrowUp, text("%.1f MB/s", way.up_bytes_per_s / 1e6),
+          4000 / link.round_trip_ms_median));
+  add("to the learner", link.up_bytes_per_s >= kNarrowUp, text("%.1f MB/s", link.up_bytes_per_s / 1e6),
       "trajectories need about 22 kB for a decision (deploy/HOSTS.md): use a faster interface (--interface), "
       "or "
       "fewer simulators here");
-  add("from the learner", way.down_bytes_per_s >= kNarrowDown, text("%.1f MB/s", way.down_bytes_per_s / 1e6),
+  add("from the learner", link.down_bytes_per_s >= kNarrowDown,
+      text("%.1f MB/s", link.down_bytes_per_s / 1e6),
       "weights arrive late, so what is played is old: use a faster interface (--interface)");
-  add("clocks", std::abs(way.clock_ahead_ms) < kClockApartMs,
-      text("this host's is %.1f ms %s", std::abs(way.clock_ahead_ms),
-           way.clock_ahead_ms >= 0 ? "ahead" : "behind"),
+  add("clocks", std::abs(link.clock_ahead_ms) < kClockApartMs,
+      text("this host's is %.1f ms %s", std::abs(link.clock_ahead_ms),
+           link.clock_ahead_ms >= 0 ? "ahead" : "behind"),
       "only the times in logs depend on it: let both follow one time server (apt install chrony)");
   return results;
 }
@@ -129,8 +131,8 @@ std::vector<CheckResult> check_hosts(const std::string& where, const RunConfig& 
   config.hosts.hosts = "";
   if (const Expected<link::LinkAddress> address = link::read_address(where); address || where == "-") {
     if (!address) return {failed("hosts", address.error())};
-    const Expected<link::WayReport> way = measure_way(*address, config);
-    return way ? judge_way(*way) : std::vector<CheckResult>{failed("hosts", way.error())};
+    const Expected<link::LinkReport> link = measure_link(*address, config);
+    return link ? judge_link(*link) : std::vector<CheckResult>{failed("hosts", link.error())};
   }
   config.hosts.hosts = where;
   config.hosts.serve = true;

@@ -3,10 +3,9 @@
 #include <comrad.h>
 
 #include <array>
+#include <cstring>
 #include <utility>
 
-#include "rollout_buffer/core/rng.h"
-#include "rollout_buffer/dds/episode_wire.h"
 #include "rollout_buffer/dds/keys.h"
 #include "rollout_buffer/dds/participant.h"
 
@@ -20,49 +19,47 @@ constexpr int kFragmentLimit = 256;  // x 258 kB: what a reader or writer holds 
 constexpr int kFrameLimit = 64;      // batches of 256 kB as a rule
 constexpr int kActionLimit = 1024;
 
-enum LinkTopicIndex {
-  kQuestion,
-  kAnswer,
-  kReport,
-  kState,
-  kTrajectory,
-  kWeights,
-  kEpisode,
-  kFrames,
-  kActions,
-  kLinkTopicCount
+struct LinkTraits {
+  std::size_t most_payload_bytes;
+  bool is_written_by_run;
+  TopicTraits topic;
 };
 
-const std::array<TopicTraits, kLinkTopicCount>& link_traits() {
-  static const std::array<TopicTraits, kLinkTopicCount> all = {{
-      {.name = "DoorQuestion",
-       .type = &comrad_wire_DoorQuestion_desc,
-       .history = kQuestionHistory,
-       .is_separate = true},
-      {.name = "DoorAnswer",
-       .type = &comrad_wire_DoorAnswer_desc,
-       .history = kQuestionHistory,
-       .is_separate = true},
-      {.name = "FeedReport", .type = &comrad_wire_FeedReport_desc, .is_kept_for_late_joiners = true},
-      {.name = "FeedState", .type = &comrad_wire_FeedState_desc, .is_kept_for_late_joiners = true},
-      {.name = "TrajectoryBatch",
-       .type = &comrad_wire_TrajectoryBatch_desc,
-       .history = 0,
-       .sample_limit = kFragmentLimit},
-      {.name = "WeightsUpdate", .type = &comrad_wire_WeightsUpdate_desc, .is_kept_for_late_joiners = true},
-      {.name = "FeederEpisode", .type = &comrad_wire_FeederEpisode_desc, .history = kLinkEpisodeHistory},
-      {.name = "FrameBatch", .type = &comrad_wire_FrameBatch_desc, .history = 0, .sample_limit = kFrameLimit},
-      {.name = "ActionBatch",
-       .type = &comrad_wire_ActionBatch_desc,
-       .history = 0,
-       .sample_limit = kActionLimit},
+/// By Topic. Names are part of the permissions that keys hold: a new one needs new keys.
+const std::array<LinkTraits, 9>& link_traits() {
+  static const std::array<LinkTraits, 9> all = {{
+      {0,
+       false,
+       {.name = "DoorQuestion",
+        .type = &comrad_wire_DoorQuestion_desc,
+        .history = kQuestionHistory,
+        .is_separate = true}},
+      {kChunkBytes,
+       true,
+       {.name = "DoorAnswer",
+        .type = &comrad_wire_DoorAnswer_desc,
+        .history = kQuestionHistory,
+        .is_separate = true}},
+      {0, false, {.name = "FeedReport", .type = &comrad_wire_Note_desc, .is_kept_for_late_joiners = true}},
+      {0, true, {.name = "FeedState", .type = &comrad_wire_Note_desc, .is_kept_for_late_joiners = true}},
+      {kFragmentPayloadBytes,
+       false,
+       {.name = "TrajectoryBatch",
+        .type = &comrad_wire_Fragment_desc,
+        .history = 0,
+        .sample_limit = kFragmentLimit}},
+      {kChunkBytes,
+       true,
+       {.name = "WeightsUpdate", .type = &comrad_wire_Chunk_desc, .is_kept_for_late_joiners = true}},
+      {0, false, {.name = "PeerEpisode", .type = &comrad_wire_Note_desc, .history = kLinkEpisodeHistory}},
+      {kFrameBatchBytes,
+       false,
+       {.name = "FrameBatch", .type = &comrad_wire_Frames_desc, .history = 0, .sample_limit = kFrameLimit}},
+      {kChunkBytes,
+       true,
+       {.name = "ActionBatch", .type = &comrad_wire_Chunk_desc, .history = 0, .sample_limit = kActionLimit}},
   }};
   return all;
-}
-
-Error too_long(const char* what, std::size_t size, std::size_t most) {
-  return Error{ErrorCode::kBadInput,
-               std::string(what) + " of " + std::to_string(size) + "; at most " + std::to_string(most)};
 }
 
 template <typename Sequence>
@@ -70,25 +67,127 @@ std::span<const std::byte> bytes_of(const Sequence& sequence) {
   return {reinterpret_cast<const std::byte*>(sequence._buffer), sequence._length};
 }
 
-}  // namespace
+/// Calls `use` with a null pointer to the wire's type of a topic; questions and answers have their own.
+template <typename Use>
+auto with_type_of(Topic topic, Use use) {
+  switch (topic) {
+    case Topic::kTrajectory:
+      return use(static_cast<comrad_wire_Fragment*>(nullptr));
+    case Topic::kWeights:
+    case Topic::kActions:
+      return use(static_cast<comrad_wire_Chunk*>(nullptr));
+    case Topic::kFrames:
+      return use(static_cast<comrad_wire_Frames*>(nullptr));
+    default:
+      return use(static_cast<comrad_wire_Note*>(nullptr));
+  }
+}
 
-struct LinkBus::State {
-  std::unique_ptr<Participant> participant;  // of one thread: a visitor may write while samples are taken
+class CycloneCarrier final : public LinkCarrier {
+ public:
+  static Expected<std::unique_ptr<LinkCarrier>> open(const BusConfig& config) {
+    auto carrier = std::make_unique<CycloneCarrier>();
+    for (const LinkTraits& traits : link_traits()) carrier->topics_.push_back(traits.topic);
+    COMRAD_TRY_ASSIGN(carrier->participant_,
+                      Participant::open(config, carrier->topics_,
+                                        "comrad-link-" + std::to_string(kLinkVersion) + "-" + config.run_id,
+                                        "comrad-door-" + config.run_id));
+    return std::unique_ptr<LinkCarrier>(std::move(carrier));
+  }
 
-  template <typename Wire, typename Visitor>
-  void take(LinkTopicIndex index, Visitor visit) {
-    participant->take<Wire>(index, [&](const Wire& in, const dds_sample_info_t& info) {
-      if (info.valid_data) visit(in);
+  Status write(Topic topic, uint64_t key, std::span<const std::byte> head,
+               std::span<const std::byte> payload) override {
+    const LinkTraits& traits = link_traits()[static_cast<std::size_t>(topic)];
+    if (payload.size() > traits.most_payload_bytes)
+      return Error{ErrorCode::kBadInput, std::string("a payload of ") + traits.topic.name + " of " +
+                                             std::to_string(payload.size()) + " bytes; at most " +
+                                             std::to_string(traits.most_payload_bytes)};
+    if (topic == Topic::kQuestion) return write_door<comrad_wire_DoorQuestion>(topic, key, head, payload);
+    if (topic == Topic::kAnswer) return write_door<comrad_wire_DoorAnswer>(topic, key, head, payload);
+    return with_type_of(topic, [&]<typename Wire>(Wire*) {
+      Wire out{};
+      out.key = key;
+      out.head = sequence_of<decltype(out.head)>(head);
+      out.payload = sequence_of<decltype(out.payload)>(payload);
+      return participant_->write(static_cast<int>(topic), out);
     });
   }
+
+  void take(Topic topic, const Visitor& visit) override {
+    const auto take_all = [&]<typename Wire>(Wire*) {
+      participant_->take<Wire>(static_cast<int>(topic), [&](const Wire& in, const dds_sample_info_t& info) {
+        if (!info.valid_data) return;
+        if constexpr (requires { in.head; }) {
+          visit(in.key, bytes_of(in.head), bytes_of(in.payload));
+        } else {
+          std::vector<std::byte> head(sizeof in.question_id + strnlen(in.text, sizeof in.text));
+          std::memcpy(head.data(), &in.question_id, sizeof in.question_id);
+          std::memcpy(head.data() + sizeof in.question_id, in.text, head.size() - sizeof in.question_id);
+          if constexpr (requires { in.payload; })
+            visit(in.feeder_id, head, bytes_of(in.payload));
+          else
+            visit(in.feeder_id, head, {});
+        }
+      });
+    };
+    if (topic == Topic::kQuestion) return take_all(static_cast<comrad_wire_DoorQuestion*>(nullptr));
+    if (topic == Topic::kAnswer) return take_all(static_cast<comrad_wire_DoorAnswer*>(nullptr));
+    with_type_of(topic, take_all);
+  }
+
+  bool is_acknowledged(Topic topic) const override {
+    return participant_->is_acknowledged(static_cast<int>(topic));
+  }
+  bool wait(int timeout_ms) override { return participant_->wait(timeout_ms); }
+
+ private:
+  /// `head` is the question's id and its text.
+  template <typename Wire>
+  Status write_door(Topic topic, uint64_t key, std::span<const std::byte> head,
+                    std::span<const std::byte> payload) {
+    auto out = std::make_unique<Wire>();
+    const std::span<const std::byte> text = head.subspan(sizeof out->question_id);
+    if (text.size() > kQuestionBytes)
+      return Error{ErrorCode::kBadInput, "a question's or answer's text of " + std::to_string(text.size()) +
+                                             " bytes; at most " + std::to_string(kQuestionBytes)};
+    out->feeder_id = key;
+    std::memcpy(&out->question_id, head.data(), sizeof out->question_id);
+    std::memcpy(out->text, text.data(), text.size());
+    if constexpr (requires { out->payload; }) out->payload = sequence_of<decltype(out->payload)>(payload);
+    return participant_->write(static_cast<int>(topic), *out);
+  }
+
+  std::vector<TopicTraits> topics_;
+  std::unique_ptr<Participant> participant_;
 };
 
+std::vector<std::byte> door_head(uint32_t question_id, const std::string& text) {
+  std::vector<std::byte> head(sizeof question_id + text.size());
+  std::memcpy(head.data(), &question_id, sizeof question_id);
+  std::memcpy(head.data() + sizeof question_id, text.data(), text.size());
+  return head;
+}
+
+/// A JoinQuestion or JoinAnswer without its payload.
+template <typename Message>
+Message door_message(uint64_t key, std::span<const std::byte> head) {
+  Message message{.peer_id = key};
+  if (head.size() < sizeof message.question_id) return message;
+  std::memcpy(&message.question_id, head.data(), sizeof message.question_id);
+  const auto text = head.subspan(sizeof message.question_id);
+  message.text.assign(reinterpret_cast<const char*>(text.data()), text.size());
+  return message;
+}
+
+}  // namespace
+
 const std::vector<LinkTopic>& link_topics() {
-  static const std::vector<LinkTopic> all = {
-      {"DoorQuestion", false, true},  {"DoorAnswer", true, false},      {"FeedReport", false, true},
-      {"FeedState", true, false},     {"TrajectoryBatch", false, true}, {"WeightsUpdate", true, false},
-      {"FeederEpisode", false, true}, {"FrameBatch", false, true},      {"ActionBatch", true, false},
-  };
+  static const std::vector<LinkTopic> all = [] {
+    std::vector<LinkTopic> topics;
+    for (const LinkTraits& traits : link_traits())
+      topics.push_back({traits.topic.name, traits.is_written_by_run, !traits.is_written_by_run});
+    return topics;
+  }();
   return all;
 }
 
@@ -99,277 +198,38 @@ BusConfig link_config(uint64_t link_id) {
   return config;
 }
 
-LinkBus::LinkBus(std::unique_ptr<State> state) : state_(std::move(state)) {}
-LinkBus::LinkBus(LinkBus&&) noexcept = default;
-LinkBus& LinkBus::operator=(LinkBus&&) noexcept = default;
-LinkBus::~LinkBus() = default;
+Words::Words(std::string_view text) { put(bytes_, std::string(text)); }
+std::string Words::str() const { return get(bytes_); }
 
 Expected<LinkBus> LinkBus::open(const BusConfig& config) {
-  auto state = std::make_unique<State>();
-  COMRAD_TRY_ASSIGN(state->participant,
-                    Participant::open(config, link_traits(),
-                                      "comrad-link-" + std::to_string(kLinkVersion) + "-" + config.run_id,
-                                      "comrad-door-" + config.run_id));
-  return LinkBus(std::move(state));
+  COMRAD_TRY_ASSIGN(std::unique_ptr<LinkCarrier> carrier, CycloneCarrier::open(config));
+  return LinkBus(std::move(carrier));
 }
 
-Status LinkBus::write(const DoorQuestion& question) {
-  if (question.text.size() > kDoorTextBytes)
-    return too_long("a question's text", question.text.size(), kDoorTextBytes);
-  comrad_wire_DoorQuestion out{};
-  out.feeder_id = question.feeder_id;
-  out.question_id = question.question_id;
-  put(out.text, question.text);
-  return state_->participant->write(kQuestion, out);
+Status LinkBus::write(const JoinQuestion& question) {
+  return carrier_->write(Topic::kQuestion, question.peer_id, door_head(question.question_id, question.text),
+                         {});
 }
 
-Status LinkBus::write(const DoorAnswer& answer) {
-  if (answer.text.size() > kDoorTextBytes)
-    return too_long("an answer's text", answer.text.size(), kDoorTextBytes);
-  if (answer.payload.size() > kChunkBytes)
-    return too_long("an answer's payload", answer.payload.size(), kChunkBytes);
-  comrad_wire_DoorAnswer out{};
-  out.feeder_id = answer.feeder_id;
-  out.question_id = answer.question_id;
-  put(out.text, answer.text);
-  out.payload = sequence_of<decltype(out.payload)>(std::span(answer.payload.data(), answer.payload.size()));
-  return state_->participant->write(kAnswer, out);
+Status LinkBus::write(const JoinAnswer& answer) {
+  return carrier_->write(Topic::kAnswer, answer.peer_id, door_head(answer.question_id, answer.text),
+                         std::as_bytes(std::span(answer.payload)));
 }
 
-Status LinkBus::write(const FeedReport& report) {
-  comrad_wire_FeedReport out{};
-  out.feeder_id = report.feeder_id;
-  out.epoch = report.epoch;
-  out.beat = report.beat;
-  out.fingerprint = report.fingerprint;
-  out.slab_bytes = report.slab_bytes;
-  out.sim_workers = report.sim_workers;
-  out.envs_per_worker = report.envs_per_worker;
-  out.is_leaving = report.is_leaving;
-  out.weights_version = report.weights_version;
-  out.decisions_played = report.decisions_played;
-  out.decisions_delivered = report.decisions_delivered;
-  out.decisions_lost = report.decisions_lost;
-  put(out.host, report.host);
-  return state_->participant->write(kReport, out);
+void LinkBus::take_questions(const std::function<void(const JoinQuestion&)>& visit) {
+  carrier_->take(Topic::kQuestion,
+                 [&](uint64_t key, std::span<const std::byte> head, std::span<const std::byte>) {
+                   visit(door_message<JoinQuestion>(key, head));
+                 });
 }
 
-Status LinkBus::write(const FeedState& state) {
-  comrad_wire_FeedState out{};
-  out.feeder_id = state.feeder_id;
-  out.session = state.session;
-  out.epoch = state.epoch;
-  out.beat = state.beat;
-  put(out.run_state, state.run_state);
-  put(out.message, state.message);
-  out.done_index = state.done_index;
-  out.credit_index = state.credit_index;
-  out.schedule_env_frames = state.schedule_env_frames;
-  return state_->participant->write(kState, out);
+void LinkBus::take_answers(const std::function<void(const JoinAnswer&)>& visit) {
+  carrier_->take(Topic::kAnswer,
+                 [&](uint64_t key, std::span<const std::byte> head, std::span<const std::byte> payload) {
+                   auto answer = door_message<JoinAnswer>(key, head);
+                   answer.payload.assign(reinterpret_cast<const char*>(payload.data()), payload.size());
+                   visit(answer);
+                 });
 }
-
-Status LinkBus::write(const TrajectoryFragment& fragment) {
-  if (fragment.payload.size() > kFragmentPayloadBytes)
-    return too_long("a fragment's payload", fragment.payload.size(), kFragmentPayloadBytes);
-  comrad_wire_TrajectoryBatch out{};
-  out.feeder_id = fragment.feeder_id;
-  out.epoch = fragment.epoch;
-  out.send_index = fragment.send_index;
-  out.fragment_index = fragment.fragment_index;
-  out.fragment_count = fragment.fragment_count;
-  out.env_index = fragment.env_index;
-  out.length = fragment.length;
-  out.rollout_index = fragment.rollout_index;
-  out.layout_id = fragment.layout_id;
-  out.first_episode_id = fragment.first_episode_id;
-  out.first_episode_seed = fragment.first_episode_seed;
-  out.offset_bytes = fragment.offset_bytes;
-  out.raw_bytes = fragment.raw_bytes;
-  out.checksum = fragment.checksum;
-  out.payload = sequence_of<decltype(out.payload)>(fragment.payload);
-  return state_->participant->write(kTrajectory, out);
-}
-
-Status LinkBus::write(const WeightsChunk& chunk) {
-  if (chunk.payload.size() > kChunkBytes)
-    return too_long("a weights chunk", chunk.payload.size(), kChunkBytes);
-  comrad_wire_WeightsUpdate out{};
-  out.chunk_index = chunk.chunk_index;
-  out.chunk_count = chunk.chunk_count;
-  out.version = chunk.version;
-  out.bytes = chunk.bytes;
-  out.checksum = chunk.checksum;
-  out.bf16_count = chunk.bf16_count;
-  out.payload = sequence_of<decltype(out.payload)>(chunk.payload);
-  return state_->participant->write(kWeights, out);
-}
-
-Status LinkBus::write(const FeederEpisode& episode) {
-  comrad_wire_FeederEpisode out{};
-  out.feeder_id = episode.feeder_id;
-  out.record = wire_of(episode.record);
-  return state_->participant->write(kEpisode, out);
-}
-
-Status LinkBus::write(const FrameBatch& batch) {
-  if (batch.payload.size() > kFrameBatchBytes)
-    return too_long("a batch of frames", batch.payload.size(), kFrameBatchBytes);
-  comrad_wire_FrameBatch out{};
-  out.feeder_id = batch.feeder_id;
-  out.epoch = batch.epoch;
-  out.batch_index = batch.batch_index;
-  out.fingerprint = batch.fingerprint;
-  out.slab_bytes = batch.slab_bytes;
-  out.sim_workers = batch.sim_workers;
-  out.envs_per_worker = batch.envs_per_worker;
-  out.is_leaving = batch.is_leaving;
-  out.request_count = batch.request_count;
-  out.raw_bytes = batch.raw_bytes;
-  out.is_compressed = batch.is_compressed;
-  out.checksum = batch.checksum;
-  put(out.host, batch.host);
-  out.payload = sequence_of<decltype(out.payload)>(batch.payload);
-  return state_->participant->write(kFrames, out);
-}
-
-Status LinkBus::write(const ActionBatch& batch) {
-  if (batch.payload.size() > kChunkBytes)
-    return too_long("a batch of actions", batch.payload.size(), kChunkBytes);
-  comrad_wire_ActionBatch out{};
-  out.feeder_id = batch.feeder_id;
-  out.session = batch.session;
-  out.epoch = batch.epoch;
-  out.batch_index = batch.batch_index;
-  put(out.run_state, batch.run_state);
-  put(out.message, batch.message);
-  out.credit_index = batch.credit_index;
-  out.schedule_env_frames = batch.schedule_env_frames;
-  out.payload = sequence_of<decltype(out.payload)>(batch.payload);
-  return state_->participant->write(kActions, out);
-}
-
-void LinkBus::take_questions(const std::function<void(const DoorQuestion&)>& visit) {
-  state_->take<comrad_wire_DoorQuestion>(kQuestion, [&](const auto& in) {
-    visit({.feeder_id = in.feeder_id, .question_id = in.question_id, .text = get(in.text)});
-  });
-}
-
-void LinkBus::take_answers(const std::function<void(const DoorAnswer&)>& visit) {
-  state_->take<comrad_wire_DoorAnswer>(kAnswer, [&](const auto& in) {
-    const std::span<const std::byte> payload = bytes_of(in.payload);
-    visit({.feeder_id = in.feeder_id,
-           .question_id = in.question_id,
-           .text = get(in.text),
-           .payload = std::string(reinterpret_cast<const char*>(payload.data()), payload.size())});
-  });
-}
-
-void LinkBus::take_reports(const std::function<void(const FeedReport&)>& visit) {
-  state_->take<comrad_wire_FeedReport>(kReport, [&](const auto& in) {
-    visit({.feeder_id = in.feeder_id,
-           .epoch = in.epoch,
-           .beat = in.beat,
-           .fingerprint = in.fingerprint,
-           .slab_bytes = in.slab_bytes,
-           .sim_workers = in.sim_workers,
-           .envs_per_worker = in.envs_per_worker,
-           .is_leaving = in.is_leaving,
-           .weights_version = in.weights_version,
-           .decisions_played = in.decisions_played,
-           .decisions_delivered = in.decisions_delivered,
-           .decisions_lost = in.decisions_lost,
-           .host = get(in.host)});
-  });
-}
-
-void LinkBus::take_states(uint64_t feeder_id, const std::function<void(const FeedState&)>& visit) {
-  state_->take<comrad_wire_FeedState>(kState, [&](const auto& in) {
-    if (in.feeder_id != feeder_id) return;
-    visit({.feeder_id = in.feeder_id,
-           .session = in.session,
-           .epoch = in.epoch,
-           .beat = in.beat,
-           .run_state = get(in.run_state),
-           .message = get(in.message),
-           .done_index = in.done_index,
-           .credit_index = in.credit_index,
-           .schedule_env_frames = in.schedule_env_frames});
-  });
-}
-
-void LinkBus::take_fragments(const std::function<void(const TrajectoryFragment&)>& visit) {
-  state_->take<comrad_wire_TrajectoryBatch>(kTrajectory, [&](const auto& in) {
-    visit({.feeder_id = in.feeder_id,
-           .epoch = in.epoch,
-           .send_index = in.send_index,
-           .fragment_index = in.fragment_index,
-           .fragment_count = in.fragment_count,
-           .env_index = in.env_index,
-           .length = in.length,
-           .rollout_index = in.rollout_index,
-           .layout_id = in.layout_id,
-           .first_episode_id = in.first_episode_id,
-           .first_episode_seed = in.first_episode_seed,
-           .offset_bytes = in.offset_bytes,
-           .raw_bytes = in.raw_bytes,
-           .checksum = in.checksum,
-           .payload = bytes_of(in.payload)});
-  });
-}
-
-void LinkBus::take_weights(const std::function<void(const WeightsChunk&)>& visit) {
-  state_->take<comrad_wire_WeightsUpdate>(kWeights, [&](const auto& in) {
-    visit({.chunk_index = in.chunk_index,
-           .chunk_count = in.chunk_count,
-           .version = in.version,
-           .bytes = in.bytes,
-           .checksum = in.checksum,
-           .bf16_count = in.bf16_count,
-           .payload = bytes_of(in.payload)});
-  });
-}
-
-void LinkBus::take_episodes(const std::function<void(const FeederEpisode&)>& visit) {
-  state_->take<comrad_wire_FeederEpisode>(
-      kEpisode, [&](const auto& in) { visit({.feeder_id = in.feeder_id, .record = record_of(in.record)}); });
-}
-
-void LinkBus::take_frames(const std::function<void(const FrameBatch&)>& visit) {
-  state_->take<comrad_wire_FrameBatch>(kFrames, [&](const auto& in) {
-    visit({.feeder_id = in.feeder_id,
-           .epoch = in.epoch,
-           .batch_index = in.batch_index,
-           .fingerprint = in.fingerprint,
-           .slab_bytes = in.slab_bytes,
-           .sim_workers = in.sim_workers,
-           .envs_per_worker = in.envs_per_worker,
-           .is_leaving = in.is_leaving,
-           .request_count = in.request_count,
-           .raw_bytes = in.raw_bytes,
-           .is_compressed = in.is_compressed,
-           .checksum = in.checksum,
-           .host = get(in.host),
-           .payload = bytes_of(in.payload)});
-  });
-}
-
-void LinkBus::take_actions(uint64_t feeder_id, const std::function<void(const ActionBatch&)>& visit) {
-  state_->take<comrad_wire_ActionBatch>(kActions, [&](const auto& in) {
-    if (in.feeder_id != feeder_id) return;
-    visit({.feeder_id = in.feeder_id,
-           .session = in.session,
-           .epoch = in.epoch,
-           .batch_index = in.batch_index,
-           .run_state = get(in.run_state),
-           .message = get(in.message),
-           .credit_index = in.credit_index,
-           .schedule_env_frames = in.schedule_env_frames,
-           .payload = bytes_of(in.payload)});
-  });
-}
-
-bool LinkBus::has_sent_weights() const { return state_->participant->is_acknowledged(kWeights); }
-
-bool LinkBus::wait(int timeout_ms) { return state_->participant->wait(timeout_ms); }
 
 }  // namespace comrad::dds

@@ -1,15 +1,17 @@
-// The link between hosts: what a host that feeds a learner and that learner's host say to each other. A participant of
-// its own, apart from the run's bus, so that a network reaches nothing but these topics.
+// The link between hosts: what a host that plays for a learner of another host and that learner's host exchange. A
+// participant of its own, apart from the run's bus, so that a network reaches nothing but these topics.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
-#include <vector>
+#include <string_view>
+#include <type_traits>
+#include <utility>
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus_config.h"
@@ -17,168 +19,216 @@
 
 namespace comrad::dds {
 
-constexpr uint32_t kLinkVersion = 7;  ///< of the topics but the door's: other versions do not meet on them
-constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of a door's payload
+constexpr uint32_t kLinkVersion =
+    8;  ///< of all messages but questions and answers: other versions do not meet
+constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of an answer's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them
 constexpr std::size_t kFrameBatchBytes = 1 << 22;       ///< most of a batch of frames, as it travels
-constexpr std::size_t kDoorTextBytes = 1023;
+constexpr std::size_t kQuestionBytes = 1023;            ///< most of the text of a question or an answer
 
-struct DoorQuestion {
-  uint64_t feeder_id = 0;
+/// A question to a run's join endpoint, and its answer. They never change.
+struct JoinQuestion {
+  uint64_t peer_id = 0;
   uint32_t question_id = 0;
   std::string text = {};  ///< JSON
 };
-
-struct DoorAnswer {
-  uint64_t feeder_id = 0;
+struct JoinAnswer {
+  uint64_t peer_id = 0;
   uint32_t question_id = 0;
   std::string text = {};  ///< JSON
   std::string payload = {};
 };
 
-/// Of a feeding host; the members as comrad.idl has them.
-struct FeedReport {
-  uint64_t feeder_id = 0;
-  uint32_t epoch = 0;
-  uint64_t beat = 0;
-  uint64_t fingerprint = 0;
+enum class Topic { kQuestion, kAnswer, kReport, kState, kTrajectory, kWeights, kEpisode, kFrames, kActions };
+
+/// Words in a message: at most 255 bytes, cut between two characters.
+class Words {
+ public:
+  Words() = default;
+  Words(std::string_view text);
+  Words(const char* text) : Words(std::string_view(text)) {}
+  Words(const std::string& text) : Words(std::string_view(text)) {}
+  std::string str() const;
+
+ private:
+  char bytes_[256] = {};
+};
+
+// The messages travel as they lie in memory, up to `payload`: a change bumps kLinkVersion. What arrives has the right
+// size, and every number and every byte of it is its sender's.
+
+/// What a host that plays for another one's learner reports of itself, on both links. The first one asks for places.
+struct PeerHello {
+  uint64_t peer_id = 0;
+  uint64_t fingerprint = 0;  ///< of the offer that it plays
   uint64_t slab_bytes = 0;
+  uint32_t epoch = 0;  ///< lives of the process that sends, and sessions of the other end in each
   uint32_t sim_workers = 0;
   uint32_t envs_per_worker = 0;
-  bool is_leaving = false;
-  uint32_t weights_version = 0;
+  uint32_t is_leaving = 0;
+  Words host = {};
+};
+
+enum class PeerRun : uint32_t { kRunning, kPaused, kLeaving, kStopping, kRefused };
+
+/// The desired state of one such host, on both links; never a command.
+struct PeerState {
+  static constexpr Topic kTopic = Topic::kState;
+  uint64_t peer_id = 0;
+  uint64_t session = 0;       ///< of the end that serves; another one counts from 0
+  uint64_t done_index = 0;    ///< trajectories below it are sealed there, or known not to be wanted
+  uint64_t credit_index = 0;  ///< trajectories below it may be sent or begun
+  uint64_t schedule_env_frames = 0;
+  uint32_t epoch = 0;  ///< of the hello that this answers
+  PeerRun run = PeerRun::kRunning;
+  Words message = {};  ///< why it is refused
+  uint64_t key() const { return peer_id; }
+};
+
+/// Of a host that sends trajectories, at least once a second.
+struct SenderReport {
+  static constexpr Topic kTopic = Topic::kReport;
+  PeerHello hello = {};
   uint64_t decisions_played = 0;
   uint64_t decisions_delivered = 0;
   uint64_t decisions_lost = 0;  ///< sent to a learner's host that began anew
-  std::string host = {};
+  uint64_t key() const { return hello.peer_id; }
 };
 
-struct FeedState {
-  uint64_t feeder_id = 0;
-  uint64_t session = 0;
-  uint32_t epoch = 0;
-  uint64_t beat = 0;
-  std::string run_state = {};  ///< running, paused, leaving (asked to), stopping, refused
-  std::string message = {};
-  uint64_t done_index = 0;
-  uint64_t credit_index = 0;
-  uint64_t schedule_env_frames = 0;
-};
-
+/// One piece of a sealed slab: `raw_bytes` from `offset_bytes` on, as one LZ4 block.
 struct TrajectoryFragment {
-  uint64_t feeder_id = 0;
-  uint32_t epoch = 0;
-  uint64_t send_index = 0;
-  uint32_t fragment_index = 0;
-  uint32_t fragment_count = 0;
-  uint32_t env_index = 0;
-  uint32_t length = 0;
+  static constexpr Topic kTopic = Topic::kTrajectory;
+  uint64_t peer_id = 0;
+  uint64_t send_index = 0;  ///< counts trajectories of the epoch
   uint64_t rollout_index = 0;
   uint64_t layout_id = 0;
   uint64_t first_episode_id = 0;
   uint64_t first_episode_seed = 0;
   uint64_t offset_bytes = 0;
+  uint64_t checksum = 0;  ///< of the raw bytes
+  uint32_t epoch = 0;
+  uint32_t fragment_index = 0;
+  uint32_t fragment_count = 0;
+  uint32_t env_index = 0;  ///< of the host that sends
+  uint32_t length = 0;
   uint32_t raw_bytes = 0;
-  uint64_t checksum = 0;
   std::span<const std::byte> payload = {};
+  uint64_t key() const { return 0; }
 };
 
 struct WeightsChunk {
-  uint32_t chunk_index = 0;
-  uint32_t chunk_count = 0;
-  uint32_t version = 0;
+  static constexpr Topic kTopic = Topic::kWeights;
   uint64_t bytes = 0;     ///< of all chunks
   uint64_t checksum = 0;  ///< of all chunks
   uint64_t bf16_count =
       0;  ///< numbers at the beginning that are bfloat16, all behind them f32; 0: as in an arena
+  uint32_t chunk_index = 0;
+  uint32_t chunk_count = 0;
+  uint32_t version = 0;
+  uint32_t unused = 0;
   std::span<const std::byte> payload = {};
+  uint64_t key() const { return chunk_index; }
 };
 
-/// Of a host with simulators and no policy; the members as comrad.idl has them.
+/// Requests of a host with simulators and no policy (link/frames/frame_stream.h), as one LZ4 block or as they are.
+/// Without requests it is a hello.
 struct FrameBatch {
-  uint64_t feeder_id = 0;
-  uint32_t epoch = 0;
-  uint64_t batch_index = 0;
-  uint64_t fingerprint = 0;
-  uint64_t slab_bytes = 0;
-  uint32_t sim_workers = 0;
-  uint32_t envs_per_worker = 0;
-  bool is_leaving = false;
+  static constexpr Topic kTopic = Topic::kFrames;
+  PeerHello hello = {};
+  uint64_t batch_index = 0;  ///< counts batches of the epoch; shows what was lost
+  uint64_t checksum = 0;     ///< of the raw bytes
   uint32_t request_count = 0;
   uint32_t raw_bytes = 0;
-  bool is_compressed = false;
-  uint64_t checksum = 0;
-  std::string host = {};
+  uint32_t is_compressed = 0;
+  uint32_t unused = 0;
   std::span<const std::byte> payload = {};
+  uint64_t key() const { return 0; }
 };
 
+/// Answers to one host's requests.
 struct ActionBatch {
-  uint64_t feeder_id = 0;
-  uint64_t session = 0;
-  uint32_t epoch = 0;
-  uint64_t batch_index = 0;
-  std::string run_state = {};  ///< running, paused, stopping, refused
-  std::string message = {};
-  uint64_t credit_index = 0;
-  uint64_t schedule_env_frames = 0;
+  static constexpr Topic kTopic = Topic::kActions;
+  PeerState state = {};
   std::span<const std::byte> payload = {};
+  uint64_t key() const { return 0; }
 };
 
-struct FeederEpisode {
-  uint64_t feeder_id = 0;
+/// An episode that ended on a host which plays for another one's learner.
+struct PeerEpisode {
+  static constexpr Topic kTopic = Topic::kEpisode;
+  uint64_t peer_id = 0;
   EpisodeRecord record = {};
+  uint64_t key() const { return 0; }
 };
 
-/// The configuration of a run's link, for all that know its id. It is a small domain: one receiver, and on each host a
-/// few that feed it.
+/// What carries the messages: Cyclone DDS, or a simulated network. Threads: one.
+class LinkCarrier {
+ public:
+  using Visitor =
+      std::function<void(uint64_t key, std::span<const std::byte> head, std::span<const std::byte> payload)>;
+  virtual ~LinkCarrier() = default;
+  virtual Status write(Topic topic, uint64_t key, std::span<const std::byte> head,
+                       std::span<const std::byte> payload) = 0;
+  virtual void take(Topic topic, const Visitor& visit) = 0;
+  virtual bool is_acknowledged(Topic topic) const = 0;
+  virtual bool wait(int timeout_ms) = 0;
+};
+
+/// The configuration of a run's link, for all that know its id. It is a small domain: one learner's host, and on each
+/// other host a few processes that play for it.
 BusConfig link_config(uint64_t link_id);
 
-/// One participant of a link; what arrives is as hostile as its sender, only bounds are kept by the types. Spans that a
-/// visitor gets end with its call; it may write. take_*() never blocks. Threads: one.
+/// One participant of a link. Spans that a visitor gets end with its call; it may write. take() never blocks. Threads: one.
 class LinkBus {
  public:
   /// Errors: as Bus::open.
   static Expected<LinkBus> open(const BusConfig& config);
-  LinkBus(LinkBus&&) noexcept;
-  LinkBus& operator=(LinkBus&&) noexcept;
-  ~LinkBus();
+  explicit LinkBus(std::unique_ptr<LinkCarrier> carrier) : carrier_(std::move(carrier)) {}
 
-  /// Errors: kBadInput for a payload or list beyond its bound; kTimeout where readers do not keep up, and nothing was
-  /// written; kSystem.
-  Status write(const DoorQuestion& question);
-  Status write(const DoorAnswer& answer);
-  Status write(const FeedReport& report);
-  Status write(const FeedState& state);
-  Status write(const TrajectoryFragment& fragment);
-  Status write(const WeightsChunk& chunk);
-  Status write(const FeederEpisode& episode);
-  Status write(const FrameBatch& batch);
-  Status write(const ActionBatch& batch);
+  /// Errors: kBadInput for a payload beyond its bound; kTimeout where readers do not keep up, and nothing was written;
+  /// kSystem.
+  template <typename Message>
+  Status write(const Message& message) {
+    std::span<const std::byte> payload;
+    if constexpr (requires { message.payload; }) payload = message.payload;
+    return carrier_->write(Message::kTopic, message.key(),
+                           std::as_bytes(std::span(&message, 1)).first(head_bytes<Message>()), payload);
+  }
+  Status write(const JoinQuestion& question);
+  Status write(const JoinAnswer& answer);
 
-  /// Whether all chunks of weights that were written have reached everybody who listens.
-  bool has_sent_weights() const;
+  /// Calls `visit` for each message that has arrived.
+  template <typename Message, typename Visit>
+  void take(Visit visit) {
+    static_assert(std::is_trivially_copyable_v<Message>);
+    carrier_->take(Message::kTopic,
+                   [&](uint64_t, std::span<const std::byte> head, std::span<const std::byte> payload) {
+                     if (head.size() != head_bytes<Message>()) return;
+                     Message message;
+                     std::memcpy(static_cast<void*>(&message), head.data(), head.size());
+                     if constexpr (requires { message.payload; }) message.payload = payload;
+                     visit(static_cast<const Message&>(message));
+                   });
+  }
+  void take_questions(const std::function<void(const JoinQuestion&)>& visit);
+  void take_answers(const std::function<void(const JoinAnswer&)>& visit);
 
-  void take_questions(const std::function<void(const DoorQuestion&)>& visit);
-  void take_answers(const std::function<void(const DoorAnswer&)>& visit);
-  void take_reports(const std::function<void(const FeedReport&)>& visit);
-  /// Those for one feeding host.
-  void take_states(uint64_t feeder_id, const std::function<void(const FeedState&)>& visit);
-  void take_fragments(const std::function<void(const TrajectoryFragment&)>& visit);
-  void take_weights(const std::function<void(const WeightsChunk&)>& visit);
-  void take_episodes(const std::function<void(const FeederEpisode&)>& visit);
-
-  void take_frames(const std::function<void(const FrameBatch&)>& visit);
-  /// Those for one feeding host.
-  void take_actions(uint64_t feeder_id, const std::function<void(const ActionBatch&)>& visit);
-
+  /// Whether all chunks of weights that were written have reached every reader.
+  bool has_sent_weights() const { return carrier_->is_acknowledged(Topic::kWeights); }
   /// As Bus::wait.
-  bool wait(int timeout_ms);
+  bool wait(int timeout_ms) { return carrier_->wait(timeout_ms); }
 
  private:
-  struct State;
-  explicit LinkBus(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
+  template <typename Message>
+  static constexpr std::size_t head_bytes() {
+    if constexpr (requires(const Message& message) { message.payload; })
+      return offsetof(Message, payload);
+    else
+      return sizeof(Message);
+  }
+
+  std::unique_ptr<LinkCarrier> carrier_;
 };
 
 }  // namespace comrad::dds

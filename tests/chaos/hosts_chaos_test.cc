@@ -41,14 +41,15 @@ TEST(HostsChaos, KillsStopsAndCutsOnTwoHostsLoseNothingUntold) {
   };
   ASSERT_TRUE(delivers_more()) << player.wait(1).err;
 
-  Victims victims({{playing, "comrad-sim-worker", "playing sim", 3},
-                   {playing, "comrad-policy-worker", "playing policy", 1},
-                   // One that receives a stop signal ends its run; the others start again.
-                   {playing, "comrad-feeder", "feeder", 3, /*may_be_terminated=*/false},
-                   {learning, "comrad-sim-worker", "learning sim", 1},
-                   {learning, "comrad-receiver", "receiver", 3, /*may_be_terminated=*/false},
-                   {learning, "comrad-learner", "learner", 1, /*may_be_terminated=*/false}},
-                  rng);
+  Victims victims(
+      {{playing, "comrad-sim-worker", "playing sim", 3},
+       {playing, "comrad-policy-worker", "playing policy", 1},
+       // One that receives a stop signal ends its run; the others start again.
+       {playing, "comrad-trajectory-sender", "trajectory sender", 3, /*may_be_terminated=*/false},
+       {learning, "comrad-sim-worker", "learning sim", 1},
+       {learning, "comrad-trajectory-receiver", "trajectory receiver", 3, /*may_be_terminated=*/false},
+       {learning, "comrad-learner", "learner", 1, /*may_be_terminated=*/false}},
+      rng);
   int cuts = 0;
   for (const double end_s = now_s() + seconds; now_s() < end_s; sleep_s(0.05 + 0.001 * rng.below(1200))) {
     ASSERT_TRUE(learner.running()) << learner.wait(1).err;

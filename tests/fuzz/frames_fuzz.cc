@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/door.h"
-#include "rollout_buffer/link/frame_stream.h"
-#include "rollout_buffer/link/guests.h"
+#include "rollout_buffer/link/frames/frame_stream.h"
+#include "rollout_buffer/link/join/endpoint.h"
+#include "rollout_buffer/link/session/serving_end.h"
 #include "tests/fuzz/input.h"
 
 namespace {
@@ -80,11 +80,11 @@ void feed_episode(Input& input) {
 }
 
 void feed_door(Input& input) {
-  static const link::DoorKeeper kDoor(link::Offer{
+  static const link::JoinEndpoint kDoor(link::Offer{
       .scenario = "room", .files = {{.name = "layouts/map.wad", .path = "/dev/null", .bytes = 0}}});
   const std::span<const std::byte> rest = input.rest();
   const std::string text(reinterpret_cast<const char*>(rest.data()), rest.size());
-  const dds::DoorAnswer answer = kDoor.answer({.feeder_id = 1, .question_id = 1, .text = text});
+  const dds::JoinAnswer answer = kDoor.answer({.peer_id = 1, .question_id = 1, .text = text});
   require(!answer.text.empty() || !answer.payload.empty());
 }
 

@@ -5,8 +5,8 @@
 
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/slab_stream.h"
-#include "rollout_buffer/link/weights_stream.h"
+#include "rollout_buffer/link/trajectories/slab_stream.h"
+#include "rollout_buffer/link/trajectories/weights_stream.h"
 #include "tests/fuzz/input.h"
 
 namespace {

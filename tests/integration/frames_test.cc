@@ -61,7 +61,7 @@ TEST(Frames, AHostWithoutAPolicyPlaysThroughDeathsOfBothEnds) {
     ASSERT_FALSE(alive.empty()) << name;
     kill(alive.front(), SIGKILL);
   };
-  strike(playing, "comrad-feeder");
+  strike(playing, "comrad-trajectory-sender");
   ASSERT_TRUE(delivers_more()) << player.wait().err;
   strike(learning, "comrad-policy-worker");
   ASSERT_TRUE(delivers_more()) << player.wait().err;

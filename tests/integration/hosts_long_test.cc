@@ -213,8 +213,8 @@ TEST_F(HostRuns, ProcessesThatStandStillForTenSecondsHoldNobodyUpForGood) {
   for (const auto& [run, worker] : {std::pair<std::string, std::string>{"playing", "comrad-sim-worker"},
                                     {"playing", "comrad-policy-worker"},
                                     {"learning", "comrad-learner"},
-                                    {"playing", "comrad-feeder"},
-                                    {"learning", "comrad-receiver"}}) {
+                                    {"playing", "comrad-trajectory-sender"},
+                                    {"learning", "comrad-trajectory-receiver"}}) {
     stop_for_ten_seconds(run, worker);
     EXPECT_TRUE(delivers_more("learning", 60)) << "after " << worker << " stood still";
     EXPECT_TRUE(player->running() && learner->running()) << worker;
@@ -233,7 +233,8 @@ TEST_F(HostRuns, ASlowLearnerFillsNoMemory) {
   const auto player = start_player(on, 1, "learning", "playing");
   ASSERT_TRUE(delivers_more("learning", kStartSeconds)) << player->wait(1).err;
   sleep_s(20);  // everything that may fill is full by then
-  const std::vector<std::string> programs = {"comrad-receiver", "comrad-feeder", "comrad"};
+  const std::vector<std::string> programs = {"comrad-trajectory-receiver", "comrad-trajectory-sender",
+                                             "comrad"};
   std::map<std::string, double> before;
   for (const std::string& name : programs)
     for (const char* run : {"learning", "playing"}) before[name + run] = private_mb(scratch_ / run, name);

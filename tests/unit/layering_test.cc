@@ -42,7 +42,9 @@ const std::map<std::string, std::set<std::string>>& allowed_folders() {
 /// all of these, but for single files beside them (engine/fixed.h), which lie below.
 const std::map<std::string, std::vector<std::string>>& layers_inside() {
   static const std::map<std::string, std::vector<std::string>> layers = {
-      {"rollout_buffer", {"core", "settings", "schema", "shm"}},
+      {"rollout_buffer",
+       {"core", "settings", "schema", "shm", "dds", "link/session", "link/join", "link/frames",
+        "link/trajectories"}},
       {"doomgen", {"wad", "layout", "acs"}},
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
@@ -252,6 +254,22 @@ TEST(Layering, EveryLibraryIsInstalledByTheBootstrap) {
         << include.file << ":" << include.line << " includes <" << include.target
         << ">: name its library and package above, and in deploy/packages.txt";
   }
+}
+
+// What -DCOMRAD_HOSTS=OFF leaves out is included by what it leaves out as well.
+TEST(Layering, WhatABuildWithoutHostsCompilesKnowsOfNoLink) {
+  const std::set<std::string> ours = {"deploy/run/join.cc", "deploy/run/serve.cc",
+                                      "deploy/tools/doctor_hosts.cc", "deploy/tools/doctor_hosts.h",
+                                      "rollout_buffer/bench/frame_link.cc"};
+  const std::set<std::string> in_every_build = {"rollout_buffer/link/session/accounts.h",
+                                                "rollout_buffer/link/join/link_files.h",
+                                                "rollout_buffer/link/join/link_address.h"};
+  for (const Include& include : all_includes())
+    if (include.target.starts_with("rollout_buffer/link/") && !ours.contains(include.file) &&
+        !include.file.starts_with("rollout_buffer/link/") && !include.file.starts_with("deploy/hosts/")) {
+      EXPECT_TRUE(in_every_build.contains(include.target))
+          << include.file << ":" << include.line << " includes " << include.target;
+    }
 }
 
 TEST(Layering, QuotedIncludesOfOursExist) {

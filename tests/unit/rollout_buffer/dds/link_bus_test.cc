@@ -50,49 +50,50 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
   LinkBus bus = open_link(config);  // a participant hears itself, too
   int questions = 0, answers = 0, reports = 0, states = 0, fragments = 0, weights = 0, episodes = 0;
   const std::vector<std::byte> chunk = noise(kChunkBytes), piece = noise(kFragmentPayloadBytes);
-  const std::string text(kDoorTextBytes, 't'), payload(kChunkBytes, 'p');
+  const std::string text(kQuestionBytes, 't'), payload(kChunkBytes, 'p');
   const auto take = [&] {
-    bus.take_questions([&](const DoorQuestion& in) {
+    bus.take_questions([&](const JoinQuestion& in) {
       ++questions;
-      EXPECT_EQ(in.feeder_id, 1u);
+      EXPECT_EQ(in.peer_id, 1u);
       EXPECT_EQ(in.question_id, 2u);
       EXPECT_EQ(in.text, text);
     });
-    bus.take_answers([&](const DoorAnswer& in) {
+    bus.take_answers([&](const JoinAnswer& in) {
       ++answers;
       EXPECT_EQ(in.text, text);
       EXPECT_EQ(in.payload, payload);
     });
-    bus.take_reports([&](const FeedReport& in) {
+    bus.take<SenderReport>([&](const SenderReport& in) {
       ++reports;
-      EXPECT_EQ(in.epoch, 3u);
-      EXPECT_EQ(in.sim_workers, 4u);
-      EXPECT_TRUE(in.is_leaving);
+      EXPECT_EQ(in.hello.epoch, 3u);
+      EXPECT_EQ(in.hello.sim_workers, 4u);
+      EXPECT_EQ(in.hello.is_leaving, 1u);
       EXPECT_EQ(in.decisions_delivered, uint64_t{1} << 40);
-      EXPECT_EQ(in.host, "there");
+      EXPECT_EQ(in.hello.host.str(), "there");
     });
-    bus.take_states(1, [&](const FeedState& in) {
+    bus.take<PeerState>([&](const PeerState& in) {
+      if (in.peer_id != 1) return;
       ++states;
-      EXPECT_EQ(in.run_state, "paused");
-      EXPECT_EQ(in.message, "because");
+      EXPECT_EQ(in.run, PeerRun::kPaused);
+      EXPECT_EQ(in.message.str(), "because");
       EXPECT_EQ(in.done_index, 5u);
       EXPECT_EQ(in.credit_index, 9u);
       EXPECT_EQ(in.schedule_env_frames, uint64_t{1} << 40);
     });
-    bus.take_fragments([&](const TrajectoryFragment& in) {
+    bus.take<TrajectoryFragment>([&](const TrajectoryFragment& in) {
       ++fragments;
       EXPECT_EQ(in.send_index, 6u);
       EXPECT_EQ(in.rollout_index, 7u);
       EXPECT_EQ(in.length, 8u);
       EXPECT_TRUE(std::ranges::equal(in.payload, piece));
     });
-    bus.take_weights([&](const WeightsChunk& in) {
+    bus.take<WeightsChunk>([&](const WeightsChunk& in) {
       ++weights;
       EXPECT_EQ(in.version, 11u);
       EXPECT_EQ(in.bf16_count, 12u);
       EXPECT_TRUE(std::ranges::equal(in.payload, chunk));
     });
-    bus.take_episodes([&](const FeederEpisode& in) {
+    bus.take<PeerEpisode>([&](const PeerEpisode& in) {
       ++episodes;
       EXPECT_THAT(in.record.returns(), ElementsAre(1, -2));
       EXPECT_THAT(in.record.scores(), ElementsAre(3, 4));
@@ -100,25 +101,22 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
     });
   };
   take();  // the readers are there before anybody speaks
-  ASSERT_TRUE(bus.write(DoorQuestion{.feeder_id = 1, .question_id = 2, .text = text}));
-  ASSERT_TRUE(bus.write(DoorAnswer{.feeder_id = 1, .question_id = 2, .text = text, .payload = payload}));
-  ASSERT_TRUE(bus.write(FeedReport{.feeder_id = 1,
-                                   .epoch = 3,
-                                   .sim_workers = 4,
-                                   .is_leaving = true,
-                                   .decisions_delivered = uint64_t{1} << 40,
-                                   .host = "there"}));
-  ASSERT_TRUE(bus.write(FeedState{.feeder_id = 2, .run_state = "running"}));  // somebody else's
-  ASSERT_TRUE(bus.write(FeedState{.feeder_id = 1,
-                                  .run_state = "paused",
-                                  .message = "because",
+  ASSERT_TRUE(bus.write(JoinQuestion{.peer_id = 1, .question_id = 2, .text = text}));
+  ASSERT_TRUE(bus.write(JoinAnswer{.peer_id = 1, .question_id = 2, .text = text, .payload = payload}));
+  ASSERT_TRUE(bus.write(
+      SenderReport{.hello = {.peer_id = 1, .epoch = 3, .sim_workers = 4, .is_leaving = 1, .host = "there"},
+                   .decisions_delivered = uint64_t{1} << 40}));
+  ASSERT_TRUE(bus.write(PeerState{.peer_id = 2}));  // another host's
+  ASSERT_TRUE(bus.write(PeerState{.peer_id = 1,
                                   .done_index = 5,
                                   .credit_index = 9,
-                                  .schedule_env_frames = uint64_t{1} << 40}));
-  ASSERT_TRUE(bus.write(TrajectoryFragment{
-      .feeder_id = 1, .send_index = 6, .length = 8, .rollout_index = 7, .payload = piece}));
-  ASSERT_TRUE(bus.write(WeightsChunk{.chunk_count = 1, .version = 11, .bf16_count = 12, .payload = chunk}));
-  ASSERT_TRUE(bus.write(FeederEpisode{
+                                  .schedule_env_frames = uint64_t{1} << 40,
+                                  .run = PeerRun::kPaused,
+                                  .message = "because"}));
+  ASSERT_TRUE(bus.write(
+      TrajectoryFragment{.peer_id = 1, .send_index = 6, .rollout_index = 7, .length = 8, .payload = piece}));
+  ASSERT_TRUE(bus.write(WeightsChunk{.bf16_count = 12, .chunk_count = 1, .version = 11, .payload = chunk}));
+  ASSERT_TRUE(bus.write(PeerEpisode{
       .record = {.agent_count = 2, .score = 12.5f, .agent_return = {1, -2}, .agent_score = {3, 4}}}));
   EXPECT_TRUE(eventually(bus, kPatience_s, [&] {
     take();
@@ -127,13 +125,19 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
   EXPECT_EQ(questions + answers + reports + states + fragments + weights + episodes, 7);
 }
 
+TEST(LinkBus, WordsAreCutBetweenTwoCharacters) {
+  EXPECT_EQ(Words("because").str(), "because");
+  EXPECT_EQ(Words(std::string(300, 'x')).str(), std::string(255, 'x'));
+  EXPECT_EQ(Words(std::string(254, 'x') + "\u00e4").str(), std::string(254, 'x'));
+}
+
 TEST(LinkBus, RefusesWhatIsBeyondATopicsBound) {
   LinkBus bus = open_link(link_config(fresh_id()));
   const std::vector<std::byte> large = noise(kChunkBytes + 1);
   for (const Status& refused :
-       {bus.write(DoorQuestion{.text = std::string(kDoorTextBytes + 1, 't')}),
-        bus.write(DoorAnswer{.text = std::string(kDoorTextBytes + 1, 't')}),
-        bus.write(DoorAnswer{.payload = std::string(kChunkBytes + 1, 'p')}),
+       {bus.write(JoinQuestion{.text = std::string(kQuestionBytes + 1, 't')}),
+        bus.write(JoinAnswer{.text = std::string(kQuestionBytes + 1, 't')}),
+        bus.write(JoinAnswer{.payload = std::string(kChunkBytes + 1, 'p')}),
         bus.write(TrajectoryFragment{.payload = std::span(large).first(kFragmentPayloadBytes + 1)}),
         bus.write(WeightsChunk{.payload = large})}) {
     ASSERT_FALSE(refused);
@@ -183,10 +187,10 @@ int report_until_answered(const BusConfig& config, double limit_s) {
   auto bus = LinkBus::open(config);
   if (!bus) return 2;
   bool is_answered = false;
-  bus->take_states(7, [](const FeedState&) {});
+  bus->take<PeerState>([](const PeerState&) {});
   eventually(*bus, limit_s, [&] {
-    (void)bus->write(FeedReport{.feeder_id = 7, .host = "b"});
-    bus->take_states(7, [&](const FeedState& in) { is_answered |= in.run_state == "running"; });
+    (void)bus->write(SenderReport{.hello = {.peer_id = 7, .host = "b"}});
+    bus->take<PeerState>([&](const PeerState& in) { is_answered |= in.peer_id == 7; });
     return is_answered;
   });
   return is_answered ? 0 : 3;
@@ -197,11 +201,11 @@ int answer_reports(const BusConfig& config, double limit_s) {
   if (!bus) return 2;
   int heard = 0;
   double first_s = 0;
-  bus->take_reports([](const FeedReport&) {});
+  bus->take<SenderReport>([](const SenderReport&) {});
   eventually(*bus, limit_s, [&] {
-    bus->take_reports([&](const FeedReport& in) {
+    bus->take<SenderReport>([&](const SenderReport& in) {
       if (++heard == 1) first_s = monotonic_s();
-      (void)bus->write(FeedState{.feeder_id = in.feeder_id, .run_state = "running"});
+      (void)bus->write(PeerState{.peer_id = in.hello.peer_id});
     });
     return heard > 0 && monotonic_s() - first_s > 3;
   });
@@ -245,7 +249,7 @@ TEST(LinkBus, ARunsBusOnLoopbackIsNotHeardOnTheNetwork) {
     return report_until_answered(config, 4);
   });
   EXPECT_EQ(test::NetworkPair::wait(outside), 3);
-  EXPECT_EQ(test::NetworkPair::wait(server), 3) << "a report came through loopback's door";
+  EXPECT_EQ(test::NetworkPair::wait(server), 3) << "a report came through loopback";
 }
 
 }  // namespace link_bus_test

@@ -55,17 +55,17 @@ int serve(const BusConfig& config, const std::function<bool()>& goes_on, const s
   const std::vector<std::byte> weights(100'000);
   double sent_s = 0;
   for (; goes_on(); bus->wait(20)) {
-    bus->take_questions([&](const DoorQuestion& in) { heard.strange += in.feeder_id != kFriend; });
-    bus->take_reports([&](const FeedReport& in) {
+    bus->take_questions([&](const JoinQuestion& in) { heard.strange += in.peer_id != kFriend; });
+    bus->take<SenderReport>([&](const SenderReport& in) {
       ++heard.reports;
-      heard.strange += in.feeder_id != kFriend;
-      (void)bus->write(FeedState{.feeder_id = in.feeder_id, .run_state = "running"});
+      heard.strange += in.hello.peer_id != kFriend;
+      (void)bus->write(PeerState{.peer_id = in.hello.peer_id});
     });
-    bus->take_fragments([&](const TrajectoryFragment& in) {
+    bus->take<TrajectoryFragment>([&](const TrajectoryFragment& in) {
       ++heard.fragments;
-      heard.strange += in.feeder_id != kFriend;
+      heard.strange += in.peer_id != kFriend;
     });
-    bus->take_episodes([&](const FeederEpisode& in) { heard.strange += in.feeder_id != kFriend; });
+    bus->take<PeerEpisode>([&](const PeerEpisode& in) { heard.strange += in.peer_id != kFriend; });
     if (heard.reports > 0 && heard.fragments > 0) std::ofstream(log + ".heard") << "all";
     if (monotonic_s() - sent_s > 0.5) {
       sent_s = monotonic_s();
@@ -78,7 +78,7 @@ int serve(const BusConfig& config, const std::function<bool()>& goes_on, const s
 
 /// A host that says all it may and listens while `goes_on`, ten times at least. 0: it was answered and got weights, which the
 /// file `served` tells meanwhile; 10: it got nothing at all.
-int join(const BusConfig& config, uint64_t feeder_id, const std::function<bool()>& goes_on,
+int join(const BusConfig& config, uint64_t peer_id, const std::function<bool()>& goes_on,
          const std::string& served) {
   spdlog::set_level(spdlog::level::off);
   auto bus = LinkBus::open(config);
@@ -87,16 +87,16 @@ int join(const BusConfig& config, uint64_t feeder_id, const std::function<bool()
   const std::vector<std::byte> piece(kFragmentPayloadBytes);
   double said_s = 0;
   for (; goes_on() || said < 10; bus->wait(20)) {
-    bus->take_states(kFriend, [&](const FeedState&) { ++states; });
-    bus->take_answers([&](const DoorAnswer&) { ++states; });
-    bus->take_weights([&](const WeightsChunk&) { ++weights; });
+    bus->take<PeerState>([&](const PeerState& in) { states += in.peer_id == kFriend; });
+    bus->take_answers([&](const JoinAnswer&) { ++states; });
+    bus->take<WeightsChunk>([&](const WeightsChunk&) { ++weights; });
     if (states > 0 && weights > 0) std::ofstream(served) << "all";
     if (monotonic_s() - said_s < 0.3) continue;
     said_s = monotonic_s(), ++said;
-    (void)bus->write(DoorQuestion{.feeder_id = feeder_id, .text = "{}"});
-    (void)bus->write(FeedReport{.feeder_id = feeder_id, .host = "x"});
-    (void)bus->write(TrajectoryFragment{.feeder_id = feeder_id, .payload = piece});
-    (void)bus->write(FeederEpisode{.feeder_id = feeder_id});
+    (void)bus->write(JoinQuestion{.peer_id = peer_id, .text = "{}"});
+    (void)bus->write(SenderReport{.hello = {.peer_id = peer_id, .host = "x"}});
+    (void)bus->write(TrajectoryFragment{.peer_id = peer_id, .payload = piece});
+    (void)bus->write(PeerEpisode{.peer_id = peer_id});
   }
   if (states > 0 && weights > 0) return 0;
   return states == 0 && weights == 0 ? 10 : 11;
@@ -124,8 +124,8 @@ TEST(LinkSecurity, StrangersOnTheNetworkGetNothingAndLeaveOneLineEach) {
   const auto goes_on = [&] { return !std::filesystem::exists(over); };
   const pid_t server = network.start(0, [&] { return serve(config(0, keys + "/run"), goes_on, log); });
   const std::string served = folder.string() + "/served";
-  const auto start = [&](const std::string& key_folder, uint64_t feeder_id) {
-    return network.start(1, [&] { return join(config(1, key_folder), feeder_id, goes_on, served); });
+  const auto start = [&](const std::string& key_folder, uint64_t peer_id) {
+    return network.start(1, [&] { return join(config(1, key_folder), peer_id, goes_on, served); });
   };
   const pid_t without = start("", 666), with_others = start(others + "/hosts/b", 667),
               false_server = start(others + "/run", 668);  // one that says it is the server
@@ -178,10 +178,9 @@ TEST(LinkSecurity, AHostMayNotSpeakForTheRun) {
   config.key_folder = folder.string() + "/keys/hosts/b";
   auto bus = LinkBus::open(config);
   ASSERT_TRUE(bus) << bus.error().message;
-  EXPECT_TRUE(bus->write(FeedReport{.feeder_id = 1}));
-  for (const Status& refused :
-       {bus->write(WeightsChunk{.chunk_count = 1, .version = 9}), bus->write(FeedState{.feeder_id = 1}),
-        bus->write(DoorAnswer{.feeder_id = 1})}) {
+  EXPECT_TRUE(bus->write(SenderReport{.hello = {.peer_id = 1}}));
+  for (const Status& refused : {bus->write(WeightsChunk{.chunk_count = 1, .version = 9}),
+                                bus->write(PeerState{.peer_id = 1}), bus->write(JoinAnswer{.peer_id = 1})}) {
     ASSERT_FALSE(refused);
     EXPECT_THAT(refused.error().message, HasSubstr("permissions.p7s"));
   }

@@ -1,7 +1,7 @@
 // 200 simulators of four hosts are announced to one learner's host: how long until all have places, and what it costs. Label
 // long, for its numbers:
 //
-//   ctest -L long -R link_scale_test
+//   [COMRAD_SCALE_HOSTS=16] ctest -L long -R link_scale_test -V     # at most 19 hosts: participants of one machine
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -9,19 +9,21 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <random>
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/feeder.h"
-#include "rollout_buffer/link/link_address.h"
-#include "rollout_buffer/link/receiver.h"
+#include "rollout_buffer/link/join/link_address.h"
+#include "rollout_buffer/link/trajectories/trajectory_receiver.h"
+#include "rollout_buffer/link/trajectories/trajectory_sender.h"
 #include "tests/support/small_arena.h"
 
 namespace comrad::link {
 namespace link_scale_test {
 
-constexpr int kHosts = 4, kWorkersOfAHost = 50;
+const int kHosts = std::getenv("COMRAD_SCALE_HOSTS") ? std::atoi(std::getenv("COMRAD_SCALE_HOSTS")) : 4;
+const int kWorkersOfAHost = 200 / kHosts;
 constexpr double kWatchedS = 20;
 
 uint64_t fresh_id() {
@@ -57,24 +59,24 @@ TEST(LinkScale, TwoHundredSimulatorsOfFourHostsHavePlacesSoonAndCostLittle) {
       auto bus = dds::LinkBus::open(joining_config({.link_id = link_id}, {}));
       if (!bus) _exit(1);
       static std::atomic<bool> stop{false};
-      Feeder feeder(players[static_cast<std::size_t>(host)], std::move(*bus),
-                    {.feeder_id = static_cast<uint64_t>(host) + 1,
-                     .fingerprint = fingerprint_of(offer),
-                     .host = "host " + std::to_string(host)});
-      _exit(feeder.run(stop) ? 0 : 1);
+      TrajectorySender sender(players[static_cast<std::size_t>(host)], std::move(*bus),
+                              {.peer_id = static_cast<uint64_t>(host) + 1,
+                               .fingerprint = fingerprint_of(offer),
+                               .host = "host " + std::to_string(host)});
+      _exit(sender.run(stop) ? 0 : 1);
     }
     children.push_back(pid);
   }
-  usleep(500'000);  // they are there before the door opens
+  usleep(500'000);  // they are there before the run may be joined
   auto bus = dds::LinkBus::open(serving_config(link_id, {}));
   ASSERT_TRUE(bus) << bus.error().message;
-  Receiver receiver(learner, std::move(*bus), {.first_worker = 1, .offer = offer});
+  TrajectoryReceiver receiver(learner, std::move(*bus), {.first_worker = 1, .offer = offer});
   std::atomic<bool> stop{false};
   const double began_s = monotonic_s(), cpu_began_s = process_cpu_s();
   double seated_s = 0, cpu_seated_s = 0;
   receiver.every_second([&] {
     int workers = 0;
-    for (const FeederRecord& record : receiver.records()) workers += record.is_here ? record.workers : 0;
+    for (const PeerRecord& record : receiver.records()) workers += record.is_here ? record.workers : 0;
     const double now_s = monotonic_s();
     if (seated_s == 0 && workers == kHosts * kWorkersOfAHost)
       seated_s = now_s - began_s, cpu_seated_s = process_cpu_s() - cpu_began_s;
@@ -84,16 +86,16 @@ TEST(LinkScale, TwoHundredSimulatorsOfFourHostsHavePlacesSoonAndCostLittle) {
   for (const pid_t pid : children) kill(pid, SIGKILL), waitpid(pid, nullptr, 0);
   rusage children_used{};
   getrusage(RUSAGE_CHILDREN, &children_used);
-  const double feeders_cpu_s =
+  const double senders_cpu_s =
       static_cast<double>(children_used.ru_utime.tv_sec + children_used.ru_stime.tv_sec) +
       1e-6 * static_cast<double>(children_used.ru_utime.tv_usec + children_used.ru_stime.tv_usec);
   std::printf(
       "%d simulators of %d hosts: all had places after %.1f s and %.3f s of processor time; idle, the "
       "receiver "
-      "takes %.2f ms a second, a feeder %.2f ms\n",
+      "takes %.2f ms a second, a sender %.2f ms\n",
       kHosts * kWorkersOfAHost, kHosts, seated_s, cpu_seated_s,
       1000 * (process_cpu_s() - cpu_began_s - cpu_seated_s) / (kWatchedS - seated_s),
-      1000 * feeders_cpu_s / kHosts / kWatchedS);
+      1000 * senders_cpu_s / kHosts / kWatchedS);
   EXPECT_GT(seated_s, 0) << "never were all seated";
   EXPECT_LT(seated_s, 10);
 }

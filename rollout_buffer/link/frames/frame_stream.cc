@@ -1,0 +1,254 @@
+#include "rollout_buffer/link/frames/frame_stream.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <string>
+
+#include "rollout_buffer/shm/step_slots.h"
+
+namespace comrad::link {
+namespace {
+
+using shm::RequestKind;
+
+// How a step ended, in front of its rewards [N].
+struct StepOutcome {
+  int32_t final_index = -1;
+  uint8_t terminated = 0;
+  uint8_t truncated = 0;
+  uint8_t padding[2] = {};
+};
+static_assert(sizeof(StepOutcome) == 8);
+
+bool is_final(uint32_t kind) { return kind == static_cast<uint32_t>(RequestKind::kFinal); }
+
+struct PartBytes {
+  std::size_t outcome, frames, measurement, state, mask, active;
+  explicit PartBytes(const EnvShape& env) {
+    const auto agents = static_cast<std::size_t>(env.num_agents);
+    outcome = sizeof(StepOutcome) + agents * sizeof(float);
+    frames = agents * static_cast<std::size_t>(env.channels) * static_cast<std::size_t>(env.height) *
+             static_cast<std::size_t>(env.width);
+    measurement = agents * static_cast<std::size_t>(env.measurement_count) * sizeof(float);
+    state = static_cast<std::size_t>(env.global_state_count) * sizeof(float);
+    mask = 0;
+    for (int head = 0; head < env.head_count; ++head)
+      mask += agents * static_cast<std::size_t>(env.head_sizes[static_cast<std::size_t>(head)]);
+    active = agents;
+  }
+};
+
+void append(std::vector<std::byte>& bytes, const void* from, std::size_t count) {
+  const auto* begin = static_cast<const std::byte*>(from);
+  bytes.insert(bytes.end(), begin, begin + count);
+}
+
+Error damaged_frames(const std::string& what) {
+  return Error{ErrorCode::kBadFormat, "a batch of frames " + what};
+}
+
+}  // namespace
+
+std::size_t bytes_of(const FrameRequest& request, const SlabOffsets& offsets) {
+  if (request.kind == kSealedKind) return sizeof request;
+  const PartBytes parts(offsets.shape.env);
+  return sizeof request + (request.step > 0 ? parts.outcome : 0) + parts.frames + parts.measurement +
+         parts.state + (is_final(request.kind) ? 0 : parts.mask + parts.active);
+}
+
+std::size_t largest_request_bytes(const SlabOffsets& offsets) {
+  FrameRequest request;
+  request.step = 1;
+  return bytes_of(request, offsets);
+}
+
+void FramePacker::add(const FrameRequest& request, const SlabView& slab) {
+  const EnvShape& env = offsets_.shape.env;
+  const PartBytes parts(env);
+  ++count_;
+  bytes_.reserve(bytes_.size() + bytes_of(request, offsets_));
+  append(bytes_, &request, sizeof request);
+  if (request.kind == kSealedKind) return;
+  if (request.step > 0) {
+    const int last = static_cast<int>(request.step) - 1;
+    const StepOutcome outcome{.final_index = slab.final_index(last),
+                              .terminated = slab.terminated(last),
+                              .truncated = slab.truncated(last)};
+    append(bytes_, &outcome, sizeof outcome);
+    append(bytes_, &slab.reward(last, 0), static_cast<std::size_t>(env.num_agents) * sizeof(float));
+  }
+  if (is_final(request.kind)) {
+    const int row = static_cast<int>(request.final_row);
+    append(bytes_, slab.final_frame(row, 0).data(), parts.frames);
+    if (parts.measurement > 0) append(bytes_, slab.final_measurement(row, 0).data(), parts.measurement);
+    if (parts.state > 0) append(bytes_, slab.final_global_state(row).data(), parts.state);
+    return;
+  }
+  const int row = static_cast<int>(request.step);
+  append(bytes_, slab.frames(row).data(), parts.frames);
+  if (parts.measurement > 0) append(bytes_, slab.measurement(row, 0).data(), parts.measurement);
+  if (parts.state > 0) append(bytes_, slab.global_state(row).data(), parts.state);
+  append(bytes_, slab.action_mask(row, 0).data(), parts.mask);
+  append(bytes_, &slab.agent_active(row, 0), parts.active);
+}
+
+Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
+  if (left_.empty()) return std::optional<FrameRequest>();
+  if (left_.size() < sizeof request_) return damaged_frames("ends inside a request");
+  std::memcpy(&request_, left_.data(), sizeof request_);
+  const TrajectoryShape& shape = offsets_.shape;
+  const auto steps = static_cast<uint32_t>(shape.rollout_steps);
+  if (request_.env_index >= env_count_)
+    return damaged_frames("is of environment " + std::to_string(request_.env_index) + "; the host has " +
+                          std::to_string(env_count_));
+  bool is_possible = request_.kind == kSealedKind && request_.step >= 1 && request_.step <= steps;
+  switch (static_cast<RequestKind>(request_.kind)) {
+    case RequestKind::kAct:
+      is_possible = request_.step < steps;
+      break;
+    case RequestKind::kValue:
+      is_possible = request_.step >= 1 && request_.step <= steps;
+      break;
+    case RequestKind::kFinal:
+      is_possible = request_.step >= 1 && request_.step <= steps &&
+                    request_.final_row < static_cast<uint32_t>(shape.final_capacity);
+      break;
+  }
+  if (!is_possible)
+    return damaged_frames("has a request of kind " + std::to_string(request_.kind) + " at step " +
+                          std::to_string(request_.step) + ", which no simulator makes");
+  const std::size_t bytes = bytes_of(request_, offsets_);
+  if (left_.size() < bytes) return damaged_frames("ends inside a frame");
+  body_ = left_.subspan(sizeof request_, bytes - sizeof request_);
+  left_ = left_.subspan(bytes);
+  COMRAD_TRY(check(body_));
+  return std::optional(request_);
+}
+
+/// As of a trajectory that comes whole: numbers of observations are judged when the slab is drained.
+Status FrameUnpacker::check(std::span<const std::byte> body) const {
+  if (request_.step == 0 || request_.kind == kSealedKind) return {};
+  StepOutcome outcome;
+  std::memcpy(&outcome, body.data(), sizeof outcome);
+  if (outcome.final_index < -1 || outcome.final_index >= offsets_.shape.final_capacity ||
+      (outcome.truncated != 0 && outcome.final_index < 0))
+    return damaged_frames("has a step that ends with an observation that there is not");
+  for (int agent = 0; agent < offsets_.shape.env.num_agents; ++agent) {
+    float reward = 0;
+    std::memcpy(&reward, body.data() + sizeof outcome + static_cast<std::size_t>(agent) * sizeof reward,
+                sizeof reward);
+    if (!std::isfinite(reward)) return damaged_frames("has a reward that is no number");
+  }
+  return {};
+}
+
+void FrameUnpacker::copy_to(const SlabView& slab) const {
+  const EnvShape& env = offsets_.shape.env;
+  const PartBytes parts(env);
+  const std::byte* from = body_.data();
+  const auto take = [&](void* to, std::size_t count) {
+    if (count > 0) std::memcpy(to, from, count);
+    from += count;
+  };
+  if (request_.step > 0) {
+    const int last = static_cast<int>(request_.step) - 1;
+    StepOutcome outcome;
+    take(&outcome, sizeof outcome);
+    slab.final_index(last) = outcome.final_index;
+    slab.terminated(last) = outcome.terminated != 0;
+    slab.truncated(last) = outcome.truncated != 0;
+    take(&slab.reward(last, 0), static_cast<std::size_t>(env.num_agents) * sizeof(float));
+  }
+  if (is_final(request_.kind)) {
+    const int row = static_cast<int>(request_.final_row);
+    take(slab.final_frame(row, 0).data(), parts.frames);
+    if (parts.measurement > 0) take(slab.final_measurement(row, 0).data(), parts.measurement);
+    if (parts.state > 0) take(slab.final_global_state(row).data(), parts.state);
+    return;
+  }
+  const int row = static_cast<int>(request_.step);
+  take(slab.frames(row).data(), parts.frames);
+  if (parts.measurement > 0) take(slab.measurement(row, 0).data(), parts.measurement);
+  if (parts.state > 0) take(slab.global_state(row).data(), parts.state);
+  take(slab.action_mask(row, 0).data(), parts.mask);
+  take(&slab.agent_active(row, 0), parts.active);
+}
+
+void add_answer(std::vector<std::byte>& bytes, const FrameAnswer& answer, std::span<const int32_t> choices) {
+  append(bytes, &answer, sizeof answer);
+  if (answer.kind == static_cast<uint32_t>(RequestKind::kAct))
+    append(bytes, choices.data(), choices.size_bytes());
+}
+
+Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& bytes, const EnvShape& shape,
+                                                 std::span<int32_t> choices) {
+  if (bytes.empty()) return std::optional<FrameAnswer>();
+  FrameAnswer answer;
+  const auto cut = [] { return Error{ErrorCode::kBadFormat, "a batch of actions ends inside an answer"}; };
+  if (bytes.size() < sizeof answer) return cut();
+  std::memcpy(&answer, bytes.data(), sizeof answer);
+  bytes = bytes.subspan(sizeof answer);
+  if (answer.kind > kSealedKind)
+    return Error{ErrorCode::kBadFormat, "an answer to a request of kind " + std::to_string(answer.kind)};
+  if (answer.kind != static_cast<uint32_t>(RequestKind::kAct)) return std::optional(answer);
+  if (bytes.size() < choices.size_bytes()) return cut();
+  std::memcpy(choices.data(), bytes.data(), choices.size_bytes());
+  bytes = bytes.subspan(choices.size_bytes());
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    const int32_t size = shape.head_sizes[i % static_cast<std::size_t>(shape.head_count)];
+    if (choices[i] < 0 || choices[i] >= size)
+      return Error{ErrorCode::kBadFormat,
+                   "an action of " + std::to_string(choices[i]) + " for a head of " + std::to_string(size)};
+  }
+  return std::optional(answer);
+}
+
+void CompressionChoice::count(uint64_t decisions, double now_s) {
+  constexpr double kWindowS = 0.5;
+  if (began_s_ < 0) began_s_ = now_s;
+  decisions_ += decisions;
+  if (now_s - began_s_ < kWindowS) return;
+  rates_[is_compressed_] = static_cast<double>(decisions_) / (now_s - began_s_);
+  decisions_ = 0;
+  began_s_ = now_s;
+  choose(now_s);
+}
+
+void CompressionChoice::choose(double) {
+  constexpr double kWorthIt =
+      1.05;  // below it the rates are the same, and plain frames cost less of both hosts
+  constexpr int kWindowsBetweenTrials = 60;
+  if (is_trial_ && rates_[!is_compressed_] == 0) {  // the other one has never been tried
+    is_compressed_ = !is_compressed_;
+    return;
+  }
+  if (is_trial_) {
+    is_trial_ = false;
+    windows_ = 0;
+    choice_ = rates_[true] > kWorthIt * rates_[false];
+  } else if (++windows_ >= kWindowsBetweenTrials) {
+    is_trial_ = true;
+    is_compressed_ = !choice_;
+    return;
+  }
+  is_compressed_ = choice_;
+}
+
+void LatencyCounts::add(double us) {
+  const double bucket = us <= 1 ? 0 : 8 * std::log2(us);
+  ++counts_[std::min(kBuckets - 1, static_cast<std::size_t>(bucket))];
+  ++all_;
+}
+
+double LatencyCounts::quantile_us(double share) const {
+  uint64_t seen = 0;
+  for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
+    seen += counts_[bucket];
+    if (seen > 0 && static_cast<double>(seen) >= share * static_cast<double>(all_))
+      return std::exp2(static_cast<double>(bucket + 1) / 8);
+  }
+  return 0;
+}
+
+}  // namespace comrad::link

@@ -1,0 +1,80 @@
+#include "rollout_buffer/link/trajectories/weights_stream.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/link/trajectories/narrow_weights.h"
+
+namespace comrad::link {
+namespace {
+
+uint64_t chunks_of(uint64_t bytes) {
+  return std::max<uint64_t>(1, (bytes + dds::kChunkBytes - 1) / dds::kChunkBytes);
+}
+
+}  // namespace
+
+dds::WeightsChunk weights_chunk(std::span<const std::byte> weights, PolicyVersion version, uint64_t checksum,
+                                uint32_t chunk_index, uint64_t bf16_count) {
+  const std::size_t begin = std::size_t{chunk_index} * dds::kChunkBytes;
+  return {.bytes = weights.size(),
+          .checksum = checksum,
+          .bf16_count = bf16_count,
+          .chunk_index = chunk_index,
+          .chunk_count = static_cast<uint32_t>(chunks_of(weights.size())),
+          .version = version,
+          .payload = weights.subspan(begin, std::min(dds::kChunkBytes, weights.size() - begin))};
+}
+
+Status send_weights(dds::LinkBus& bus, std::span<const std::byte> weights, PolicyVersion version,
+                    uint64_t bf16_count) {
+  const uint64_t checksum = checksum64(weights);
+  for (uint32_t index = 0; index < chunks_of(weights.size()); ++index)
+    COMRAD_TRY(bus.write(weights_chunk(weights, version, checksum, index, bf16_count)));
+  return {};
+}
+
+Expected<bool> WeightsAssembler::take(const dds::WeightsChunk& chunk) {
+  const auto refuse = [&](const std::string& what) {
+    return Error{ErrorCode::kBadFormat, "weights of version " + std::to_string(chunk.version) + ": " + what};
+  };
+  const auto capacity = static_cast<uint64_t>(capacity_bytes_) / (chunk.bf16_count > 0 ? 2 : 1);
+  if (chunk.bytes > capacity)
+    return refuse(std::to_string(chunk.bytes) + " bytes, the arena has room for " + std::to_string(capacity));
+  const uint64_t count = chunks_of(chunk.bytes), begin = uint64_t{chunk.chunk_index} * dds::kChunkBytes;
+  if (chunk.chunk_count != count || chunk.chunk_index >= count ||
+      chunk.payload.size() != std::min<uint64_t>(dds::kChunkBytes, chunk.bytes - begin))
+    return refuse("chunk " + std::to_string(chunk.chunk_index) + " of " + std::to_string(chunk.chunk_count) +
+                  " with " + std::to_string(chunk.payload.size()) + " bytes is none of " +
+                  std::to_string(chunk.bytes));
+  const auto is_of = [&](const Part& part) {
+    return part.missing > 0 && part.version == chunk.version && part.checksum == chunk.checksum &&
+           part.weights.size() == chunk.bytes && part.bf16_count == chunk.bf16_count;
+  };
+  auto part = std::ranges::find_if(parts_, is_of);
+  if (part == parts_.end()) {
+    std::swap(parts_[0], parts_[1]);
+    part = parts_.begin();
+    part->version = chunk.version;
+    part->checksum = chunk.checksum;
+    part->bf16_count = chunk.bf16_count;
+    part->weights.resize(chunk.bytes);
+    part->has_chunk.assign(count, false);
+    part->missing = count;
+  }
+  if (part->has_chunk[chunk.chunk_index]) return false;
+  if (!chunk.payload.empty())
+    std::memcpy(part->weights.data() + begin, chunk.payload.data(), chunk.payload.size());
+  part->has_chunk[chunk.chunk_index] = true;
+  if (--part->missing > 0) return false;
+  std::swap(parts_[0], *part);
+  if (checksum64(parts_[0].weights) != chunk.checksum) return refuse("the checksum is another");
+  if (chunk.bf16_count > 0)
+    if (const Status widened = widen_weights(parts_[0].weights, chunk.bf16_count, wide_); !widened)
+      return refuse(widened.error().message);
+  return true;
+}
+
+}  // namespace comrad::link
