@@ -9,6 +9,7 @@
   `*` is a wildcard; names with < or a space are left alone.
 * README.md has at most ROOT_WORDS_MAX words, <folder>/README.md at most FOLDER_WORDS_MAX, and all pages together at most
   PAGES_WORDS_MAX of those that a person writes: outside of code blocks, of links' targets and of what a program writes.
+* deploy/site/mkdocs.yml names every page: the site's build fails without.
 
 First the same checks run over a folder made for it that breaks each rule once, and must find every fault.
 """
@@ -21,6 +22,7 @@ import tempfile
 ROOT_WORDS_MAX = 450
 FOLDER_WORDS_MAX = 500
 PAGES_WORDS_MAX = 40_000
+NAVIGATION = "deploy/site/mkdocs.yml"
 GENERATED = re.compile(r"<!-- results -->.*?<!-- end of results -->|<!-- (comrad [\w ]+): begin -->.*?<!-- \1: end -->", re.DOTALL)
 NOT_OURS = {".git", "build", "train_dir"}
 MADE_BY_TOOLS = {"CMakeCache.txt", "pyvenv.cfg"}  # a build folder, a Python environment: whatever they are called
@@ -134,12 +136,23 @@ def too_many_words(root):
         yield f"the pages have {sum(words.values())} words, at most {PAGES_WORDS_MAX}: shorten or delete; the longest are {longest}"
 
 
+def pages_outside_the_site(root):
+    path = os.path.join(root, NAVIGATION)
+    if not os.path.exists(path):
+        return
+    with open(path, encoding="utf-8") as file:
+        named = set(re.findall(r"(\S+\.md)$", file.read(), re.MULTILINE))
+    for name in markdown_files(root):
+        if not name.startswith(".") and name not in named:
+            yield f"{name}: {NAVIGATION} does not name it"
+
+
 def findings(root):
     found = []
     for name in markdown_files(root):
         found += broken_links(root, name)
         found += missing_files(root, name)
-    return found + list(long_readmes(root)) + list(too_many_words(root))
+    return found + list(long_readmes(root)) + list(too_many_words(root)) + list(pages_outside_the_site(root))
 
 
 SAMPLE = """# A sample
@@ -164,7 +177,9 @@ def check_itself():
     with tempfile.TemporaryDirectory() as root:
         os.makedirs(os.path.join(root, "part"))
         os.makedirs(os.path.join(root, "made"))
-        texts = {"there.md": "# A heading\n", "made/CMakeCache.txt": "", "made/foreign.md": "[bad](nowhere.md)", "part/one.h": "", "part/one.cc": "", "part/two.h": "",
+        os.makedirs(os.path.join(root, "deploy", "site"))
+        navigation = "nav:\n" + "".join(f"  - P: {page}\n" for page in ("README.md", "part/README.md", "part/long.md", "part/made.md"))
+        texts = {NAVIGATION: navigation, "there.md": "# A heading\n", "made/CMakeCache.txt": "", "made/foreign.md": "[bad](nowhere.md)", "part/one.h": "", "part/one.cc": "", "part/two.h": "",
                  "README.md": SAMPLE, "part/README.md": "word " * (FOLDER_WORDS_MAX + 1),
                  "part/long.md": "word " * PAGES_WORDS_MAX, "part/made.md": "# M\nWritten by `x`. " + "word " * PAGES_WORDS_MAX}
         for name, text in texts.items():
@@ -172,7 +187,8 @@ def check_itself():
                 file.write(text)
         found = "\n".join(findings(root))
         wanted = ["README.md:3: the link nowhere.md", "README.md:3: there.md#no-heading", "README.md:4: the link no_picture.png",
-                  "README.md:10: there is no gone.h", "README.md:11: there is no part/three.*", f"part/README.md: {FOLDER_WORDS_MAX + 1} words", f"{PAGES_WORDS_MAX}: shorten"]
+                  "README.md:10: there is no gone.h", "README.md:11: there is no part/three.*", f"part/README.md: {FOLDER_WORDS_MAX + 1} words", f"{PAGES_WORDS_MAX}: shorten",
+                  f"there.md: {NAVIGATION}"]
         assert written_words("a [b](c d) | `e`\n```\nf\n```\n<!-- comrad x: begin -->\ng\n<!-- comrad x: end -->\n") == 3
         missed = [text for text in wanted if text not in found]
         if missed or found.count("\n") + 1 != len(wanted):
