@@ -50,8 +50,8 @@ struct RunPlace {
   RestartBehavior restart_behavior = RestartBehavior::kResume;
 };
 
-/// What a new run takes from the user's TOML file; empty without one. From a run's config.toml it takes what had been asked
-/// for that run, and not its name, its generated map and what was worked out for it. Errors: those of read_settings_toml.
+/// What a new run takes from the user's TOML file; empty without one. From a run's config.toml it takes that run's explicit
+/// settings, and not its name, its generated map and what was worked out for it. Errors: those of read_settings_toml.
 Expected<SettingsLayer> file_layer(const UserSettings& user);
 
 /// The user's settings of the run's place, before it is known whether the run is new; `file` as file_layer() reads it.

@@ -30,8 +30,8 @@ enum class RequestKind : uint32_t {
 ///   kIdle -commit-> kReady -gather-> kInBatch -scatter-> kActed -take-> kIdle
 ///         (sim)            (policy)            (policy)         (sim)
 ///
-/// A policy worker that dies leaves slots in kInBatch; its successor gathers kReady and kInBatch slots of its
-/// own splits at start-up and answers them again, which is harmless: the recurrent state is read from one
+/// A policy worker that dies leaves slots in kInBatch; its successor gathers kReady and kInBatch slots of the
+/// same splits at start-up and answers them again, which is harmless: the recurrent state is read from one
 /// parity of `recurrent` and written to the other, and the simulator reads the answer only in kActed.
 enum class SlotState : uint32_t { kIdle, kReady, kInBatch, kActed };
 

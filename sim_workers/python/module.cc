@@ -1,5 +1,5 @@
-// The extension module comrad._engine: environments as arrays, and the drawing of maps. What Python users call stands
-// in comrad/*.py. Stage: beside step, for Python.
+// The extension module comrad._engine: environments as arrays, and the drawing of maps. comrad/*.py contains what
+// Python users call. Stage: beside step, for Python.
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>

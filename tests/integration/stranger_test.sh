@@ -5,8 +5,8 @@
 #
 #   stranger_test.sh RELEASE      bookworm or trixie
 #
-# Needs root, namespaces, mmdebstrap (deploy/packages_test.txt), a git checkout and a mirror of Debian: the machine's own sources, asked
-# for that release. pip in the new root has the machine's configuration. Ends with 77 where one of these is missing.
+# Needs root, namespaces, mmdebstrap (deploy/packages_test.txt), a git checkout and a mirror of Debian: the machine's own sources, set
+# to that release. pip in the new root has the machine's configuration. Ends with 77 where one of these is missing.
 # COMRAD_STRANGER_TESTS has arguments for the second command: '-L unit'. COMRAD_STRANGER_ROOT names a folder to keep the new root in,
 # build and all, and to take it from the next time.
 set -euo pipefail
