@@ -1,5 +1,7 @@
 #include "doomgen/acs/code_generator.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <optional>
 #include <unordered_map>
@@ -213,8 +215,7 @@ class Generator {
         if (object_.is_library && text_count != 0 && number_count != 0)
           error(variable.place, "an array of texts and numbers in a library", "one or the other");
         if (object_.variables.size() >= kMapVariablesMax)
-          return error(variable.place,
-                       "more than " + std::to_string(kMapVariablesMax) + " variables of the map");
+          return error(variable.place, fmt::format("more than {} variables of the map", kMapVariablesMax));
         add_symbol(variable, std::move(symbol));
         object_.variables.push_back(std::move(entry));
       }
@@ -261,7 +262,7 @@ class Generator {
                                      0,
                                      {}});
         if (object_.functions.size() > kFunctionsMax)
-          return error(routine.place, "more than " + std::to_string(kFunctionsMax) + " functions");
+          return error(routine.place, fmt::format("more than {} functions", kFunctionsMax));
       }
       if (!functions_.emplace(routine.name, entry).second)
         error(routine.place, "a second function " + in_quotes(routine.name), "another name");
@@ -276,7 +277,7 @@ class Generator {
     if (added) {
       object_.texts.emplace_back(content);
       if (object_.texts.size() == kTextsMax + 1)
-        error(place, "more than " + std::to_string(kTextsMax) + " different texts");
+        error(place, fmt::format("more than {} different texts", kTextsMax));
     }
     return found->second;
   }
@@ -295,7 +296,7 @@ class Generator {
   /// An instruction; in this format every operand has four bytes.
   void emit(PCode code, std::initializer_list<int32_t> operands = {}) {
     if (object_.code.size() > kCodeBytesMax) {
-      if (!too_large_) error(place_, "code of more than " + std::to_string(kCodeBytesMax) + " bytes");
+      if (!too_large_) error(place_, fmt::format("code of more than {} bytes", kCodeBytesMax));
       too_large_ = true;
       return;
     }
@@ -361,7 +362,7 @@ class Generator {
       }
       object_.scripts.push_back(std::move(script));
       if (object_.scripts.size() == kScriptsMax + 1)
-        error(routine.place, "more than " + std::to_string(kScriptsMax) + " scripts");
+        error(routine.place, fmt::format("more than {} scripts", kScriptsMax));
     } else {
       ObjectFunction& function =
           object_.functions[static_cast<std::size_t>(functions_.at(routine.name).index)];
@@ -378,7 +379,7 @@ class Generator {
       int32_t total = 1;
       for (const int32_t size : *sizes) total *= size;
       if (local_arrays_.size() >= kLocalArraysMax) {
-        error(place, "more than " + std::to_string(kLocalArraysMax) + " arrays in one script or function");
+        error(place, fmt::format("more than {} arrays in one script or function", kLocalArraysMax));
         return nullptr;
       }
       symbol.sizes = *sizes;
@@ -386,7 +387,7 @@ class Generator {
       local_arrays_.push_back(total);
     } else {
       if (local_count_ >= kLocalsMax) {
-        error(place, "more than " + std::to_string(kLocalsMax) + " variables in one script or function",
+        error(place, fmt::format("more than {} variables in one script or function", kLocalsMax),
               "map variables or an array for some of them");
         return nullptr;
       }
@@ -425,7 +426,7 @@ class Generator {
 
   void import(Symbol& symbol, Place place) {
     if (object_.variables.size() >= kMapVariablesMax) {
-      error(place, "more than " + std::to_string(kMapVariablesMax) + " variables of the map");
+      error(place, fmt::format("more than {} variables of the map", kMapVariablesMax));
     }
     symbol.index = static_cast<int32_t>(object_.variables.size());
     ObjectVariable entry;
@@ -658,7 +659,7 @@ class Generator {
         constant.kind == ExpressionKind::kText ? text(constant.text, constant.place) : constant.value;
     if (std::any_of(target->cases.begin(), target->cases.end(),
                     [&](const auto& entry) { return entry.first == number; }))
-      error(constant.place, "a second case " + std::to_string(number) + " in one switch", "another value");
+      error(constant.place, fmt::format("a second case {} in one switch", number), "another value");
     target->cases.emplace_back(number, label);
   }
 
@@ -845,7 +846,7 @@ class Generator {
     const std::size_t dimensions = std::max<std::size_t>(symbol.sizes.size(), 1);
     const std::size_t given = node.parts.size();
     if (given > dimensions || (!partial && given < dimensions)) {
-      return error(node.place, in_quotes(node.text) + " with " + std::to_string(given) + " indices",
+      return error(node.place, fmt::format("{} with {} indices", in_quotes(node.text), given),
                    std::to_string(dimensions));
     }
     const std::vector<int32_t> sizes = symbol.sizes;  // what the indices call may add symbols
@@ -858,7 +859,7 @@ class Generator {
           i < given && node.parts[i]->kind == ExpressionKind::kNumber ? node.parts[i]->value : 0;
       if (index < 0 || index >= size)
         diagnostics_.warn(node.place,
-                          "index " + std::to_string(index) + " lies outside of " + in_quotes(node.text));
+                          fmt::format("index {} lies outside of {}", index, in_quotes(node.text)));
       folded = folded * (i == 0 ? 1 : size) + index;
     }
     if (constant) return push(static_cast<int32_t>(static_cast<uint64_t>(folded)));
@@ -972,8 +973,8 @@ class Generator {
     const auto given = static_cast<int32_t>(node.parts.size());
     if (given >= least && given <= most) return true;
     error(node.place,
-          in_quotes(node.text) + " with " + std::to_string(given) + (given == 1 ? " argument" : " arguments"),
-          least == most ? std::to_string(most) : std::to_string(least) + " to " + std::to_string(most));
+          fmt::format("{} with {}{}", in_quotes(node.text), given, (given == 1 ? " argument" : " arguments")),
+          least == most ? std::to_string(most) : fmt::format("{} to {}", least, most));
     return false;
   }
   bool returns(const Expression& node, bool returns_value, bool wanted) {

@@ -1,5 +1,7 @@
 #include "doomgen/acs/diagnostics.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <tuple>
 
@@ -15,8 +17,8 @@ std::string in_quotes(std::string_view text) {
 }
 
 std::string Diagnostics::where(Place place) const {
-  return (place.file < paths_.size() ? paths_[place.file] : std::string("?")) + ":" +
-         std::to_string(place.line) + ":" + std::to_string(place.column);
+  return fmt::format("{}:{}:{}", (place.file < paths_.size() ? paths_[place.file] : std::string("?")),
+                     place.line, place.column);
 }
 
 void Diagnostics::error(Place place, std::string_view found, std::string_view expected) {

@@ -1,5 +1,7 @@
 #include "doomgen/acs/lexer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <array>
 #include <optional>
 
@@ -104,8 +106,8 @@ class Lexer {
     while (is_letter(peek()) || is_digit(peek())) ++at_;
     std::string text(source_.substr(start_, at_ - start_));
     if (text.size() > kNameMax) {
-      diagnostics_.error(start(), "a name of " + std::to_string(text.size()) + " letters",
-                         "at most " + std::to_string(kNameMax));
+      diagnostics_.error(start(), fmt::format("a name of {} letters", text.size()),
+                         fmt::format("at most {}", kNameMax));
       text.resize(kNameMax);
     }
     for (char& c : text) c = lower_case(c);
@@ -122,7 +124,7 @@ class Lexer {
       if (value > UINT32_MAX) fits = false, value = 0;
     }
     if (at_ == first) {
-      diagnostics_.error(here(), "a number without digits", "digits of base " + std::to_string(radix));
+      diagnostics_.error(here(), "a number without digits", fmt::format("digits of base {}", radix));
       return std::nullopt;
     }
     if (!fits) {
@@ -143,8 +145,7 @@ class Lexer {
       value = digits(10);
       if (value && peek() == '_') {
         if (*value < 2 || *value > 36) {
-          diagnostics_.error(start(), "base " + std::to_string(*value) + " of a number",
-                             "a base from 2 to 36");
+          diagnostics_.error(start(), fmt::format("base {} of a number", *value), "a base from 2 to 36");
           value = 10;
         }
         ++at_;
@@ -245,8 +246,8 @@ class Lexer {
   }
   void put_code(std::string& out, int value, bool has_digits, int code_min) {
     if (!has_digits || value < code_min || value > 255) {
-      diagnostics_.error(here(), "an escape for character " + std::to_string(value),
-                         "a code from " + std::to_string(code_min) + " to 255");
+      diagnostics_.error(here(), fmt::format("an escape for character {}", value),
+                         fmt::format("a code from {} to 255", code_min));
       return;
     }
     out += static_cast<char>(value);
@@ -277,8 +278,8 @@ class Lexer {
     }
     ++at_;
     if (content.size() > kTextMax) {
-      diagnostics_.error(start(), "a text of " + std::to_string(content.size()) + " bytes",
-                         "at most " + std::to_string(kTextMax));
+      diagnostics_.error(start(), fmt::format("a text of {} bytes", content.size()),
+                         fmt::format("at most {}", kTextMax));
       content.resize(kTextMax);
     }
     add(TokenKind::kText, pool_.keep(std::move(content)));

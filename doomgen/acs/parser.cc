@@ -1,5 +1,7 @@
 #include "doomgen/acs/parser.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -191,7 +193,7 @@ class Parser {
   bool gave_up() {
     if (program_.expressions.size() + program_.statements.size() > kNodesMax && !too_large_) {
       too_large_ = true;
-      diagnostics_.error(current().place, "a program of more than " + std::to_string(kNodesMax) + " terms");
+      diagnostics_.error(current().place, fmt::format("a program of more than {} terms", kNodesMax));
     }
     return too_large_ || diagnostics_.full();
   }
@@ -201,8 +203,8 @@ class Parser {
    public:
     explicit Nest(Parser& parser) : parser_(parser) {
       if (++parser_.nesting_ > kNestingMax)
-        parser_.error(parser_.current().place, "blocks or brackets more than " + std::to_string(kNestingMax) +
-                                                   " deep inside each other");
+        parser_.error(parser_.current().place,
+                      fmt::format("blocks or brackets more than {} deep inside each other", kNestingMax));
     }
     ~Nest() { --parser_.nesting_; }
     Nest(const Nest&) = delete;
@@ -265,7 +267,7 @@ class Parser {
     node->parts.push_back(part);
     node->depth = std::max(node->depth, part->depth + 1);
     if (node->depth > kTreeDepthMax)
-      error(node->place, "an expression of more than " + std::to_string(kTreeDepthMax) + " steps");
+      error(node->place, fmt::format("an expression of more than {} steps", kTreeDepthMax));
   }
   Statement* make(StatementKind kind, Place place) {
     Statement& node = program_.statements.emplace_back();
@@ -426,7 +428,7 @@ class Parser {
         entry.args_min = 0;
       }
       if (entry.args_min < 0 || entry.args_max < entry.args_min || entry.args_max > (function ? 16 : 5))
-        return error(place, "a special of " + std::to_string(entry.args_max) + " arguments",
+        return error(place, fmt::format("a special of {} arguments", entry.args_max),
                      function ? "at most 16" : "at most 5");
       if (!expect(")", {})) return;
       program_.specials.push_back(entry);
@@ -466,7 +468,7 @@ class Parser {
         return error(place, "a script number that is no constant",
                      "a number from 1 to 32767 or a name in quotes");
       } else if (value->value < 1 || value->value > kScriptNumberMax) {
-        return error(place, "script number " + std::to_string(value->value), "a number from 1 to 32767");
+        return error(place, fmt::format("script number {}", value->value), "a number from 1 to 32767");
       } else {
         routine.number = value->value;
       }
@@ -504,9 +506,10 @@ class Parser {
     const std::size_t most = kind != nullptr ? kind->parameters_max : kScriptParametersMax;
     if (routine.parameters.size() > most)
       return error(routine.parameters[most].place,
-                   "a script" + (kind != nullptr ? " of kind " + in_quotes(kind->name) : std::string()) +
-                       " with " + std::to_string(routine.parameters.size()) + " parameters",
-                   most == 0 ? "none" : "at most " + std::to_string(most));
+                   fmt::format("a script{} with {} parameters",
+                               (kind != nullptr ? " of kind " + in_quotes(kind->name) : std::string()),
+                               routine.parameters.size()),
+                   most == 0 ? "none" : fmt::format("at most {}", most));
     in_function_ = false;
     finish(routine);
   }
@@ -558,7 +561,7 @@ class Parser {
       const std::optional<Token> name = new_name("the name of a parameter");
       if (!name) return;
       if (routine.parameters.size() >= kParametersMax)
-        return error(name->place, "more than " + std::to_string(kParametersMax) + " parameters");
+        return error(name->place, fmt::format("more than {} parameters", kParametersMax));
       routine.parameters.push_back({name->text, name->place});
     } while (accept(","));
     expect(")", "or \",\" behind a parameter");
@@ -589,9 +592,8 @@ class Parser {
         if (!index) return;
         if (*index < 0 || *index >= count)
           return error(place,
-                       std::string(scope == Scope::kWorld ? "world" : "global") + " variable " +
-                           std::to_string(*index),
-                       "a number from 0 to " + std::to_string(count - 1));
+                       fmt::format("{} variable {}", scope == Scope::kWorld ? "world" : "global", *index),
+                       fmt::format("a number from 0 to {}", count - 1));
         variable.number = *index;
         if (!expect(":", "behind the number of the variable")) return;
       }
@@ -626,15 +628,15 @@ class Parser {
       const std::optional<int32_t> size = constant("the size of the array");
       if (!size) return;
       if (*size < 1 || *size > kArraySizeMax)
-        return error(place, "an array of " + std::to_string(*size) + " elements",
-                     "1 to " + std::to_string(kArraySizeMax));
+        return error(place, fmt::format("an array of {} elements", *size),
+                     fmt::format("1 to {}", kArraySizeMax));
       if (variable.sizes.size() >= kDimensionsMax)
-        return error(place, "an array of more than " + std::to_string(kDimensionsMax) + " dimensions");
+        return error(place, fmt::format("an array of more than {} dimensions", kDimensionsMax));
       if (!sizeless) variable.sizes.push_back(*size);
       int64_t total = 1;
       for (const int32_t one : variable.sizes) total = std::min(total * one, kArraySizeMax + 1);
       if (total > kArraySizeMax)
-        return error(place, "an array of more than " + std::to_string(kArraySizeMax) + " elements");
+        return error(place, fmt::format("an array of more than {} elements", kArraySizeMax));
       if (!expect("]", "behind the size")) return;
     }
     if (panic_) return;
@@ -642,8 +644,7 @@ class Parser {
     for (const int32_t one : variable.sizes) total *= one;
     array_elements_ += total;
     if (array_elements_ > kArraySizeMax)
-      error(variable.place,
-            "arrays of more than " + std::to_string(kArraySizeMax) + " elements in one program");
+      error(variable.place, fmt::format("arrays of more than {} elements in one program", kArraySizeMax));
   }
 
   void initial_values(Variable& variable) {
@@ -679,7 +680,7 @@ class Parser {
     while (!panic_ && !current().is("}")) {
       if (place >= first + count)
         return error(current().place, "more values than the array has room for",
-                     "at most " + std::to_string(count) + " here");
+                     fmt::format("at most {} here", count));
       if (current().is("{")) {
         if (dimension + 1 >= variable.sizes.size())
           return unexpected("a value; the array has no more dimensions");
@@ -806,11 +807,11 @@ class Parser {
     while (!panic_ && !current().is("}") && !gave_up()) {
       if (current().kind == TokenKind::kEnd || current().kind == TokenKind::kImportEnd) {
         error(current().place, describe(current()),
-              "\"}\" for the block of line " + std::to_string(begin.line));
+              fmt::format("\"}}\" for the block of line {}", begin.line));
         return node;
       }
       if (current().is_name("script") || current().is_name("function")) {
-        unexpected("\"}\" for the block of line " + std::to_string(begin.line));
+        unexpected(fmt::format("\"}}\" for the block of line {}", begin.line));
         return node;
       }
       const std::size_t before = at_;
@@ -914,7 +915,7 @@ class Parser {
       // Old sources set the optional numbers apart.
       if (!panic_ && accept(";")) expression_list(node->expressions);
       if (!panic_ && (node->expressions.size() < 6 || node->expressions.size() > 9))
-        error(current().place, word + " with " + std::to_string(node->expressions.size()) + " numbers",
+        error(current().place, fmt::format("{} with {} numbers", word, node->expressions.size()),
               "type, id, colour, x, y, hold time and up to 3 more");
     }
     expect(")", "behind " + word);
@@ -942,7 +943,7 @@ class Parser {
       }
       if (panic_) return;
       if (items.size() >= kItemsMax)
-        return error(item.place, "more than " + std::to_string(kItemsMax) + " items in one text");
+        return error(item.place, fmt::format("more than {} items in one text", kItemsMax));
       items.push_back(item);
     } while (accept(","));
   }
@@ -988,7 +989,7 @@ class Parser {
       }
       if (panic_) return node;
       if (node->ranges.size() >= kItemsMax)
-        return error(range.place, "more than " + std::to_string(kItemsMax) + " ranges"), node;
+        return error(range.place, fmt::format("more than {} ranges", kItemsMax)), node;
       node->ranges.push_back(std::move(range));
     }
     expect(")", "behind createtranslation");
@@ -1139,7 +1140,7 @@ class Parser {
     }
     if (accept("(")) {
       Expression* value = expression();
-      expect(")", "for the \"(\" of line " + std::to_string(token.place.line));
+      expect(")", fmt::format("for the \"(\" of line {}", token.place.line));
       return value;
     }
     unexpected("a value");
@@ -1158,7 +1159,7 @@ class Parser {
       advance();
     }
     if (all.size() > kTextMax)
-      error(node->place, "a text of " + std::to_string(all.size()) + " bytes", "at most 32768");
+      error(node->place, fmt::format("a text of {} bytes", all.size()), "at most 32768");
     node->text = program_.pool.keep(std::move(all));
     return node;
   }
@@ -1188,9 +1189,9 @@ class Parser {
       const Token& bracket = current();
       advance();
       Expression* index = expression();
-      if (!expect("]", "for the \"[\" of line " + std::to_string(bracket.place.line))) break;
+      if (!expect("]", fmt::format("for the \"[\" of line {}", bracket.place.line))) break;
       if (node->parts.size() >= kDimensionsMax) {
-        error(bracket.place, "more than " + std::to_string(kDimensionsMax) + " indices");
+        error(bracket.place, fmt::format("more than {} indices", kDimensionsMax));
         break;
       }
       add_part(node, index);
@@ -1239,7 +1240,7 @@ class Parser {
     if (accept(")")) return node;
     do {
       if (node->parts.size() >= kArgumentsMax) {
-        error(current().place, "more than " + std::to_string(kArgumentsMax) + " arguments");
+        error(current().place, fmt::format("more than {} arguments", kArgumentsMax));
         return node;
       }
       add_part(node, expression());

@@ -1,5 +1,7 @@
 #include "doomgen/acs/source_loader.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <unordered_set>
@@ -24,11 +26,11 @@ class SourceLoader {
     const uint32_t file = first ? diagnostics_.add_file(path) : next_file(path);
     const Place place = first ? Place{file, 1, 1} : from;
     if (++files_ > kFilesMax)
-      return diagnostics_.error(place, "more than " + std::to_string(kFilesMax) + " files in one program");
+      return diagnostics_.error(place, fmt::format("more than {} files in one program", kFilesMax));
     bytes_ += text.size();
     if (bytes_ > options_.source_bytes_max)
-      return diagnostics_.error(
-          place, "sources of more than " + std::to_string(options_.source_bytes_max) + " bytes");
+      return diagnostics_.error(place,
+                                fmt::format("sources of more than {} bytes", options_.source_bytes_max));
     texts_.push_back(std::move(text));
     const std::vector<Token> tokens = lex(texts_.back(), file, pool_, diagnostics_);
     for (std::size_t i = 0; i < tokens.size() && !diagnostics_.full(); ++i) {
@@ -88,8 +90,8 @@ class SourceLoader {
     if (is_built_in_header(name.text)) return;
     const bool imports = word.text == "import";
     if (depth >= kIncludeDepthMax)
-      return diagnostics_.error(name.place, "files that include each other more than " +
-                                                std::to_string(kIncludeDepthMax) + " deep");
+      return diagnostics_.error(
+          name.place, fmt::format("files that include each other more than {} deep", kIncludeDepthMax));
     if (!options_.reader)
       return diagnostics_.error(name.place, "the file " + in_quotes(name.text) + " cannot be read here",
                                 "a source that includes nothing but the built-in headers");

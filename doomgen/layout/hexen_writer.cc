@@ -1,5 +1,7 @@
 #include "doomgen/layout/hexen_writer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <bit>
 #include <cstring>
 
@@ -71,7 +73,7 @@ Expected<HexenLumps> write_hexen(const MapData& map) {
     return unsupported("there are more than 65535 records of a kind");
   std::size_t extra_count = 0;
   for (const ThingData& thing : map.things) {
-    const std::string name = "the thing " + std::to_string(thing.editor_number) + " at " + at(thing.position);
+    const std::string name = fmt::format("the thing {} at {}", thing.editor_number, at(thing.position));
     if (!fits(thing.id, INT16_MIN, INT16_MAX) || !fits(thing.height, INT16_MIN, INT16_MAX) ||
         !fits(thing.angle_degrees, INT16_MIN, INT16_MAX) || !fits(thing.editor_number, 0, INT16_MAX) ||
         !fits(thing.special, 0, 255) || !fits_args(thing.args))
@@ -129,8 +131,8 @@ Expected<HexenLumps> write_hexen(const MapData& map) {
                           static_cast<uint16_t>(sector.special), static_cast<uint16_t>(sector.tag)});
   }
   if (extra_count > 0)
-    lumps.warnings.push_back("Hexen format: " + std::to_string(extra_count) +
-                             " further UDMF fields have no place in it and were left out");
+    lumps.warnings.push_back(fmt::format(
+        "Hexen format: {} further UDMF fields have no place in it and were left out", extra_count));
   return lumps;
 }
 

@@ -1,5 +1,7 @@
 #include "doomgen/layout/map_checks.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdlib>
 
@@ -80,7 +82,7 @@ Status check_starts(const MapData& map, int players) {
   for (int player = 1; player <= players; ++player)
     if (std::none_of(map.things.begin(), map.things.end(),
                      [&](const ThingData& thing) { return player_of(thing.editor_number) == player; }))
-      return refused("player " + std::to_string(player) + " has no start");
+      return refused(fmt::format("player {} has no start", player));
   const Body body;
   COMRAD_TRY(check_room(map, starts, "a player's start", body));
   for (std::size_t i = 0; i < starts.size(); ++i)

@@ -1,5 +1,7 @@
 #include "doomgen/layout/map_picture.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
@@ -75,7 +77,7 @@ const ThingKind& kind_of_thing(int32_t editor_number) {
 
 Expected<Picture> draw_map(const wad::UdmfMap& map, int side) {
   if (side < 16 || side > 8192)
-    return Error{ErrorCode::kBadInput, "a picture's side is 16..8192 pixels, not " + std::to_string(side)};
+    return Error{ErrorCode::kBadInput, fmt::format("a picture's side is 16..8192 pixels, not {}", side)};
   if (map.vertices.empty()) return Error{ErrorCode::kBadInput, "the map has no vertices"};
   const auto vertex_count = static_cast<int32_t>(map.vertices.size());
   const auto sector_of = [&](int32_t sidedef) {

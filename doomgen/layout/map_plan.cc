@@ -1,5 +1,7 @@
 #include "doomgen/layout/map_plan.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -73,11 +75,11 @@ void lay_way(MapPlan& plan, AreaId area, const std::vector<Point>& way, int32_t 
 
 AreaId MapPlan::declare(AreaSpec spec) {
   const AreaId id = area_count();
-  if (spec.name.empty()) spec.name = "area " + std::to_string(id);
+  if (spec.name.empty()) spec.name = fmt::format("area {}", id);
   if (area(spec.name) != kRock) fail("there are two areas of the name " + in_quotes(spec.name));
   if (spec.ceiling < spec.floor)
-    fail("area " + in_quotes(spec.name) + ": its ceiling (" + std::to_string(spec.ceiling) +
-         ") lies below its floor (" + std::to_string(spec.floor) + ")");
+    fail(fmt::format("area {}: its ceiling ({}) lies below its floor ({})", in_quotes(spec.name),
+                     spec.ceiling, spec.floor));
   specs_.push_back(std::move(spec));
   edges_.reset();
   return id;
@@ -89,7 +91,7 @@ void MapPlan::add_shape(int owner, Polygon outline, Claim claim, const std::stri
                 (outline.empty() ? "" : ", near " + at(outline[0])));
   for (const Point& p : outline)
     if (std::abs(p.x) > kMaxCoordinate || std::abs(p.y) > kMaxCoordinate)
-      return fail(what + ": the corner " + at(p) + " lies outside +-" + std::to_string(kMaxCoordinate));
+      return fail(fmt::format("{}: the corner {} lies outside +-{}", what, at(p), kMaxCoordinate));
   shapes_.push_back({std::move(outline), owner, claim == Claim::kOnlyRock});
   edges_.reset();
 }
@@ -106,7 +108,7 @@ AreaId MapPlan::add_area(AreaSpec spec, const Box& box, Claim claim) {
 
 void MapPlan::extend_area(AreaId area, Polygon outline, Claim claim) {
   if (area < 0 || area >= area_count())
-    return fail("an outline names area " + std::to_string(area) + ", which is not there");
+    return fail(fmt::format("an outline names area {}, which is not there", area));
   add_shape(area, std::move(outline), claim, "area " + in_quotes(specs_[area].name));
 }
 
@@ -148,8 +150,8 @@ std::vector<Point> MapPlan::find_way(AreaId from, AreaId to, const CorridorOptio
   const int32_t columns = (bounds.high.x - bounds.low.x) / grid + 1,
                 rows = (bounds.high.y - bounds.low.y) / grid + 1;
   if (int64_t{columns} * rows > 4'000'000) {
-    fail(in_quotes(name) + ": the map is too large for a way on a grid of " + std::to_string(grid) +
-         "; take a coarser one");
+    fail(fmt::format("{}: the map is too large for a way on a grid of {}; take a coarser one",
+                     in_quotes(name), grid));
     return {};
   }
   const auto place = [&](int32_t index) {
@@ -243,8 +245,8 @@ std::vector<Point> MapPlan::find_way(AreaId from, AreaId to, const CorridorOptio
       open.push({next_cost + far_off(place(next)), next_cost, next_state});
     }
   }
-  fail(in_quotes(name) + ": there is no way of width " + std::to_string(options.width) +
-       " through rock from area " + in_quotes(specs_[from].name) + " to area " + in_quotes(specs_[to].name));
+  fail(fmt::format("{}: there is no way of width {} through rock from area {} to area {}", in_quotes(name),
+                   options.width, in_quotes(specs_[from].name), in_quotes(specs_[to].name)));
   return {};
 }
 
@@ -266,7 +268,7 @@ std::vector<AreaId> MapPlan::add_stairs(const AreaSpec& spec, AreaId from, AreaI
   const int32_t ceiling = std::max(specs_[from].ceiling, specs_[to].ceiling);
   for (int j = 0; j < count; ++j) {
     AreaSpec step = spec;
-    step.name += " " + std::to_string(j);
+    step.name += fmt::format(" {}", j);
     step.floor = low + (high - low) * (j + 1) / (count + 1);
     step.ceiling = ceiling;
     const AreaId area = declare(std::move(step));
@@ -284,7 +286,7 @@ std::vector<AreaId> MapPlan::add_stairs(const AreaSpec& spec, const Box& box, Di
   if (count < 1) fail(in_quotes(spec.name) + ": a flight has at least one step");
   for (int j = 0; j < count; ++j) {
     AreaSpec step = spec;
-    step.name += " " + std::to_string(j);
+    step.name += fmt::format(" {}", j);
     step.floor = count == 1 ? high : low + (high - low) * j / (count - 1);
     const bool east_west = up == Direction::kEast || up == Direction::kWest;
     const int place = up == Direction::kEast || up == Direction::kNorth ? j : count - 1 - j;
@@ -347,7 +349,7 @@ std::vector<AreaId> MapPlan::add_grid(const AreaSpec& spec, Point low, int colum
   for (int row = 0; row < rows; ++row)
     for (int column = 0; column < columns; ++column) {
       AreaSpec one = spec;
-      one.name += " " + std::to_string(column) + "," + std::to_string(row);
+      one.name += fmt::format(" {},{}", column, row);
       one.tag = spec.tag + row * columns + column;
       const Point corner{low.x + column * cell, low.y + row * cell};
       areas.push_back(add_area(std::move(one), Box{corner, {corner.x + cell, corner.y + cell}}));
@@ -370,22 +372,21 @@ const Passage& MapPlan::passage(AreaId first, AreaId second) const {
 void MapPlan::set_line(Point a, Point b, LineSpec line) { lines_.push_back({a, b, std::move(line)}); }
 
 void MapPlan::add_polyobject(PolyobjectSpec spec) {
-  const std::string name = "polyobject " + std::to_string(spec.number);
+  const std::string name = fmt::format("polyobject {}", spec.number);
   if (spec.outline.size() < 3 || twice_area(spec.outline) == 0)
     return fail(name + ": its outline has no surface");
   const Box box = bounds_of(spec.outline);
   if (box.high.x - box.low.x < 2 * kPolyobjectHalfMin || box.high.y - box.low.y < 2 * kPolyobjectHalfMin)
-    return fail(name + ": it must measure at least " + std::to_string(2 * kPolyobjectHalfMin) +
-                " units each way");
+    return fail(fmt::format("{}: it must measure at least {} units each way", name, 2 * kPolyobjectHalfMin));
   if (spec.motions.size() > 4) return fail(name + ": a control area has four lines for motions");
   for (const PolyobjectSpec& other : polyobjects_)
     if (other.number == spec.number)
-      return fail("there are two polyobjects of the number " + std::to_string(spec.number));
+      return fail(fmt::format("there are two polyobjects of the number {}", spec.number));
   polyobjects_.push_back(std::move(spec));
 }
 
 void MapPlan::add_start(int player, Point position, int32_t angle_degrees) {
-  if (player < 1 || player > 8) return fail("a start is for player 1..8, not for " + std::to_string(player));
+  if (player < 1 || player > 8) return fail(fmt::format("a start is for player 1..8, not for {}", player));
   add_thing({.position = position, .angle_degrees = angle_degrees, .editor_number = start_number(player)});
 }
 
@@ -548,7 +549,7 @@ void MapPlan::place_polyobjects(MapPlan& plan) const {
     row_height = std::max(row_height, height);
     const Box room{place, {place.x + width, place.y + height}};
     const Point anchor{place.x + kControlMargin - body.low.x, place.y + kControlMargin - body.low.y};
-    const std::string name = "polyobject " + std::to_string(spec.number);
+    const std::string name = fmt::format("polyobject {}", spec.number);
     plan.add_area(
         {.name = name, .floor = spec.floor, .ceiling = spec.ceiling, .wall_texture = spec.wall_texture},
         room);
@@ -633,9 +634,9 @@ Status MapPlan::check_pieces(const std::vector<PlaneEdge>& all) const {
       if (surface < 0 && ++outer == 2) second_piece = edges[first].first;
     }
     if (outer > 1)
-      return Error{ErrorCode::kBadInput, name + " is in " + std::to_string(outer) +
-                                             " pieces, one of them at " + at(second_piece) +
-                                             "; set in_pieces where that is meant"};
+      return Error{ErrorCode::kBadInput,
+                   fmt::format("{} is in {} pieces, one of them at {}; set in_pieces where that is meant",
+                               name, outer, at(second_piece))};
   }
   return {};
 }

@@ -1,6 +1,8 @@
 // Each check answers one sentence of validate_map()'s declaration.
 #include "doomgen/layout/map_validation.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <map>
 #include <string>
@@ -13,8 +15,7 @@ Error bad(std::string message) { return Error{ErrorCode::kBadInput, "map: " + st
 
 Status check_references(const MapData& map) {
   for (const SidedefData& side : map.sidedefs)
-    if (side.sector >= map.sectors.size())
-      return bad("a sidedef names sector " + std::to_string(side.sector));
+    if (side.sector >= map.sectors.size()) return bad(fmt::format("a sidedef names sector {}", side.sector));
   for (const LinedefData& line : map.linedefs) {
     if (line.start >= map.vertices.size() || line.end >= map.vertices.size())
       return bad("a linedef names a vertex that is not there");
@@ -24,7 +25,7 @@ Status check_references(const MapData& map) {
   }
   for (const Point& p : map.vertices)
     if (std::abs(p.x) > kMaxCoordinate || std::abs(p.y) > kMaxCoordinate)
-      return bad("the corner " + at(p) + " lies outside +-" + std::to_string(kMaxCoordinate));
+      return bad(fmt::format("the corner {} lies outside +-{}", at(p), kMaxCoordinate));
   return {};
 }
 

@@ -1,5 +1,7 @@
 #include "doomgen/layout/picture.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <zlib.h>
 
 #include <algorithm>
@@ -107,9 +109,8 @@ Expected<std::string> encode_indexed_png(const Picture& picture) {
 Expected<std::string> encode_patch(const Picture& picture, std::string_view palette) {
   constexpr int kWidthMax = 1024, kHeightMax = 254;  // a post's row is one byte, 255 ends the column
   if (picture.width < 1 || picture.height < 1 || picture.width > kWidthMax || picture.height > kHeightMax)
-    return Error{ErrorCode::kBadInput, "a patch measures 1x1 to 1024x254, not " +
-                                           std::to_string(picture.width) + "x" +
-                                           std::to_string(picture.height)};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("a patch measures 1x1 to 1024x254, not {}x{}", picture.width, picture.height)};
   if (palette.size() < 768) return Error{ErrorCode::kBadInput, "a palette has 768 bytes"};
   const auto nearest = [&](const Colour& c) {
     int best = 0;

@@ -1,3 +1,5 @@
+#include <spdlog/fmt/fmt.h>
+
 #include "doomgen/layout/udmf_writer.h"
 
 namespace comrad::doomgen {
@@ -12,7 +14,7 @@ class Block {
   Block& operator=(const Block&) = delete;
 
   void number(const char* key, int64_t value) { line(key, std::to_string(value)); }
-  void coordinate(const char* key, int64_t value) { line(key, std::to_string(value) + ".000"); }
+  void coordinate(const char* key, int64_t value) { line(key, fmt::format("{}.000", value)); }
   void number_unless(const char* key, int64_t value, int64_t default_value) {
     if (value != default_value) number(key, value);
   }
@@ -24,7 +26,7 @@ class Block {
   }
   void args(const std::array<int32_t, 5>& values) {
     for (std::size_t i = 0; i < values.size(); ++i)
-      number_unless(("arg" + std::to_string(i)).c_str(), values[i], 0);
+      number_unless((fmt::format("arg{}", i)).c_str(), values[i], 0);
   }
   void extra(const ExtraFields& fields) {
     for (const auto& [key, value] : fields) line(key.c_str(), value);  // checked by validate_map()
@@ -52,7 +54,7 @@ std::string write_udmf(const MapData& map) {
     block.number_unless("special", thing.special, 0);
     block.args(thing.args);
     for (int skill = 0; skill < 5; ++skill)
-      block.flag(("skill" + std::to_string(skill + 1)).c_str(), (thing.skills >> skill & 1) != 0);
+      block.flag((fmt::format("skill{}", skill + 1)).c_str(), (thing.skills >> skill & 1) != 0);
     block.flag("single", thing.single);
     block.flag("coop", thing.coop);
     block.flag("dm", thing.deathmatch);

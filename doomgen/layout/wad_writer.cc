@@ -1,5 +1,7 @@
 #include "doomgen/layout/wad_writer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 namespace comrad::doomgen {
@@ -56,7 +58,7 @@ Expected<std::string> WadWriter::bytes() const {
   const std::size_t total = data_bytes + kEntryBytes * lumps_.size();
   if (total > INT32_MAX)
     return Error{ErrorCode::kNoSpace,
-                 "the WAD would have " + std::to_string(total) + " bytes; the format ends at 2 GB"};
+                 fmt::format("the WAD would have {} bytes; the format ends at 2 GB", total)};
   std::string out;
   out.reserve(total);
   out += "PWAD";

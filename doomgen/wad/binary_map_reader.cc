@@ -1,5 +1,7 @@
 #include "doomgen/wad/binary_map_reader.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstring>
 #include <optional>
@@ -101,13 +103,13 @@ class Reader {
           "THINGS", lumps_.things, [&](const ThingRecord& from, int index) { doom_thing(from, index); })));
     }
     if (unknown_lines_ > 0)
-      map_.warnings.push_back(std::to_string(unknown_lines_) +
-                              " linedefs of types that are not known, type " + std::to_string(unknown_type_) +
-                              " of linedef " + std::to_string(unknown_line_) + " the first; they do nothing");
+      map_.warnings.push_back(fmt::format(
+          "{} linedefs of types that are not known, type {} of linedef {} the first; they do nothing",
+          unknown_lines_, unknown_type_, unknown_line_));
     if (untagged_lines_ > 0)
-      map_.warnings.push_back(std::to_string(untagged_lines_) +
-                              " linedefs act on tagged sectors but have no tag, linedef " +
-                              std::to_string(untagged_line_) + " the first; they do nothing");
+      map_.warnings.push_back(fmt::format(
+          "{} linedefs act on tagged sectors but have no tag, linedef {} the first; they do nothing",
+          untagged_lines_, untagged_line_));
     return std::move(map_);
   }
 
@@ -117,9 +119,9 @@ class Reader {
     if (!lump) return Error{ErrorCode::kBadFormat, label_ + " has no " + lump_name + " lump"};
     const std::span<const uint8_t> bytes = wad_.bytes(*lump);
     if (bytes.size() % sizeof(Record) != 0)
-      return Error{ErrorCode::kBadFormat, label_ + ": " + lump_name + " has " + std::to_string(bytes.size()) +
-                                              " bytes, which is no multiple of " +
-                                              std::to_string(sizeof(Record)) + ": truncated?"};
+      return Error{ErrorCode::kBadFormat,
+                   fmt::format("{}: {} has {} bytes, which is no multiple of {}: truncated?", label_,
+                               lump_name, bytes.size(), sizeof(Record))};
     for (std::size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
       Record record;
       std::memcpy(&record, bytes.data() + at, sizeof(Record));

@@ -1,5 +1,7 @@
 #include "doomgen/wad/doom_specials.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <iterator>
 
@@ -435,9 +437,9 @@ void translate_doom_map(UdmfMap& map) {
     }
   }
   if (unknown > 0)
-    map.warnings.push_back(std::to_string(unknown) +
-                           " linedefs of types that are not known, the first in line " +
-                           std::to_string(first_text_line) + "; they do nothing");
+    map.warnings.push_back(
+        fmt::format("{} linedefs of types that are not known, the first in line {}; they do nothing", unknown,
+                    first_text_line));
   map.name_space = "zdoom";
 }
 

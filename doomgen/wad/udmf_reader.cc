@@ -1,5 +1,7 @@
 #include "doomgen/wad/udmf_reader.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -75,8 +77,7 @@ class Parser {
 
  private:
   Error wrong(int line, int column, const std::string& what) const {
-    return Error{ErrorCode::kBadFormat,
-                 label_ + ":" + std::to_string(line) + ":" + std::to_string(column) + ": " + what};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: {}", label_, line, column, what)};
   }
   Error wrong(const Token& token, const std::string& what) const {
     return wrong(token.line, token.column, what);
@@ -144,7 +145,7 @@ class Parser {
     }
     const auto code = static_cast<unsigned char>(c);
     return wrong(token, code >= 0x20 && code < 0x7F ? std::string("unexpected character '") + c + "'"
-                                                    : "unexpected byte " + std::to_string(code));
+                                                    : fmt::format("unexpected byte {}", code));
   }
 
   Expected<Token> string_token(Token token) {

@@ -1,5 +1,7 @@
 #include "doomgen/wad/wad_reader.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -95,15 +97,16 @@ Expected<WadFile> WadFile::parse(std::shared_ptr<const Storage> storage, std::st
     return Error{ErrorCode::kBadFormat, path + ": " + what};
   };
   if (bytes.size() < sizeof(WadHeaderRecord))
-    return bad("shorter than a WAD header (" + std::to_string(bytes.size()) + " of 12 bytes)");
+    return bad(fmt::format("shorter than a WAD header ({} of 12 bytes)", bytes.size()));
   const auto header = read_record<WadHeaderRecord>(bytes, 0);
   const std::string_view magic(header.magic.data(), header.magic.size());
   if (magic != "IWAD" && magic != "PWAD") return bad("does not begin with IWAD or PWAD, so it is no WAD");
   const int64_t count = header.lump_count, directory = header.directory_offset_bytes;
   if (count < 0 || directory < 0 ||
       directory + count * static_cast<int64_t>(sizeof(DirectoryRecord)) > static_cast<int64_t>(bytes.size()))
-    return bad("the directory of " + std::to_string(count) + " lumps at byte " + std::to_string(directory) +
-               " reaches past the end of the file (" + std::to_string(bytes.size()) + " bytes): truncated?");
+    return bad(fmt::format(
+        "the directory of {} lumps at byte {} reaches past the end of the file ({} bytes): truncated?", count,
+        directory, bytes.size()));
 
   WadFile wad;
   wad.is_iwad_ = magic == "IWAD";
@@ -119,9 +122,9 @@ Expected<WadFile> WadFile::parse(std::shared_ptr<const Storage> storage, std::st
     if (record.size_bytes != 0) {
       const int64_t offset = record.offset_bytes, size = record.size_bytes;
       if (offset < 0 || size < 0 || offset + size > static_cast<int64_t>(bytes.size()))
-        return bad("lump " + std::to_string(index) + " '" + lump.name + "' (" + std::to_string(size) +
-                   " bytes at byte " + std::to_string(offset) + ") reaches past the end of the file (" +
-                   std::to_string(bytes.size()) + " bytes): truncated?");
+        return bad(fmt::format(
+            "lump {} '{}' ({} bytes at byte {}) reaches past the end of the file ({} bytes): truncated?",
+            index, lump.name, size, offset, bytes.size()));
       lump.offset_bytes = static_cast<uint32_t>(offset);
       lump.size_bytes = static_cast<uint32_t>(size);
     }

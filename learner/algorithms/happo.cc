@@ -1,5 +1,7 @@
 #include "learner/algorithms/happo.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <numeric>
 
@@ -23,7 +25,7 @@ Happo::Happo(const RunConfig& config, const EnvShape& env, torch::Device device)
     : OnPolicy(config, env, device) {
   const AdamSettings settings = AdamSettings::from(config);
   for (int64_t agent = 0; agent < env.num_agents; ++agent)
-    optimizers_.emplace_back("agent" + std::to_string(agent) + ".",
+    optimizers_.emplace_back(fmt::format("agent{}.", agent),
                              AdamOptimizer(net_.actor_parameters(agent), settings));
   optimizers_.emplace_back("critic.", AdamOptimizer(net_.joint_critic_parameters(), settings));
 }
@@ -127,7 +129,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
       COMRAD_TRY_ASSIGN(old_log_prob, train_agent(rows, agent, context, stats, terms, goes_on));
     }
     if (!goes_on) return cut_short();
-    const std::string prefix = "happo/agent_" + std::to_string(agent);
+    const std::string prefix = fmt::format("happo/agent_{}", agent);
     all.add(terms, 1.0 / static_cast<double>(agents));
     grad_norm += last_grad_norm_ / static_cast<double>(agents);
     put(prefix + "_policy_loss", terms["policy_loss"]);

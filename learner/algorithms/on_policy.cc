@@ -210,7 +210,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
       terms.set("fraction_clipped_first", clipped_first);
       actor_loss += terms.loss() - terms["value_loss"];
       kl += kl_of_step;
-      if (!pending.has_policy) continue;  // of dead agents alone: its KL is no news
+      if (!pending.has_policy) continue;  // of dead agents alone: its KL is not informative
       ++trained;
       if (phase.trains_policy) schedule_.after_minibatch(kl_of_step);
     }

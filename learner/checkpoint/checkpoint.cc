@@ -2,6 +2,7 @@
 
 #include <caffe2/serialize/inline_container.h>
 #include <fcntl.h>
+#include <spdlog/fmt/fmt.h>
 #include <sys/stat.h>
 #include <torch/csrc/jit/serialization/pickle.h>
 #include <torch/csrc/jit/serialization/pickler.h>
@@ -90,9 +91,9 @@ Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path
   }
   if (!has_format) return foreign("its \"format\" is not " + std::string(kFormatName));
   if (version < 1 || version > kCheckpointVersion)
-    return Error{ErrorCode::kUnsupported, path + ": checkpoint version " + std::to_string(version) +
-                                              ", this build reads 1.." + std::to_string(kCheckpointVersion) +
-                                              "; use a newer build"};
+    return Error{ErrorCode::kUnsupported,
+                 fmt::format("{}: checkpoint version {}, this build reads 1..{}; use a newer build", path,
+                             version, kCheckpointVersion)};
   return state;
 }
 
@@ -175,7 +176,7 @@ std::vector<char> pack(const c10::IValue& root) {
   int64_t index = 0;
   for (const torch::Tensor& tensor : pickler.tensorData()) {
     const auto data = torch::jit::getWriteableTensorData(tensor);
-    writer.writeRecord("data/" + std::to_string(index++), data.data(), data.sizeInBytes());
+    writer.writeRecord(fmt::format("data/{}", index++), data.data(), data.sizeInBytes());
   }
   writer.writeRecord("data.pkl", pickled.data(), pickled.size());
   writer.writeEndOfFile();

@@ -1,5 +1,7 @@
 #include "learner/checkpoint/progress.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <string>
 
 namespace comrad::learn {
@@ -10,7 +12,7 @@ constexpr const char* kStateKey = "algorithm/global_state_count";
 
 std::string critic_words(int64_t global_state_count) {
   return global_state_count == 0 ? "critic_state features"
-                                 : "critic_state global (" + std::to_string(global_state_count) + " numbers)";
+                                 : fmt::format("critic_state global ({} numbers)", global_state_count);
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "learner/critics/hypernet.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cmath>
 
 #include "policy_workers/device/torch_ops.h"
@@ -71,7 +73,7 @@ void Hypernet::scale_last_input(double factor) {
 
 void Hypernet::append_parameters(NamedTensors& named) const {
   for (size_t index = 0; index < layers_.size(); ++index) {
-    const std::string prefix = name_ + "." + std::to_string(index);
+    const std::string prefix = fmt::format("{}.{}", name_, index);
     named.emplace_back(prefix + ".weight", layers_[index].weight);
     if (layers_[index].bias.defined()) named.emplace_back(prefix + ".bias", layers_[index].bias);
   }

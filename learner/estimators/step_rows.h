@@ -30,7 +30,7 @@ StepRows<T> step_rows(const Tensor& tensor, int64_t steps, int64_t columns) {
 }
 
 /// Which trajectories' episodes end in a step, and which of them continue from the value of their last
-/// observation: a time-out is no end of the world, unless `legacy_timeouts` takes it for one.
+/// observation: a time-out does not terminate the episode, unless `legacy_timeouts` is on.
 struct StepEnds {
   StepMask done, bootstraps;
 };

@@ -1,5 +1,7 @@
 #include "learner/losses/ppo_loss.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "policy_workers/device/torch_ops.h"
@@ -96,7 +98,7 @@ void add_policy_loss(LossTerms& terms, const Tensor& logits, const RolloutBatch&
   const Tensor head_entropy = policy::head_entropies(log_probs, env);
   terms.mean("entropy", head_entropy.sum(-1), weight);
   for (int64_t head = 0; head < env.head_count; ++head)
-    terms.mean("entropy_head_" + std::to_string(head), head_entropy.select(-1, head), weight);
+    terms.mean(fmt::format("entropy_head_{}", head), head_entropy.select(-1, head), weight);
   terms.mean("ratio_mean", ratio, weight);
   terms.min("ratio_min", ratio, acting, 1);
   terms.max("ratio_max", ratio, acting, 1);

@@ -1,5 +1,6 @@
 #include "learner/ranks/rank_group.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <torch/csrc/distributed/c10d/FileStore.hpp>
 #ifdef USE_C10D_GLOO
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
@@ -40,7 +41,7 @@ Tensor sum_of(const std::vector<Tensor>& parts) {
   return sum;
 }
 
-std::string joined_key(int rank) { return "joined/" + std::to_string(rank); }
+std::string joined_key(int rank) { return fmt::format("joined/{}", rank); }
 
 /// Sleeps a little longer each time, and calls `watch` now and then.
 class Waiting {
@@ -106,7 +107,7 @@ Status RankGroup::meet() {
   try {
     // It needs no removal: it has no name.
     engines_->store = c10::make_intrusive<c10d::FileStore>(
-        "/proc/self/fd/" + std::to_string(options_.rendezvous), /*numWorkers=*/-1);
+        fmt::format("/proc/self/fd/{}", options_.rendezvous), /*numWorkers=*/-1);
     engines_->store->set(joined_key(options_.rank), std::vector<uint8_t>{1});
     Waiting waiting(watch_);
     for (int rank = 0; rank < options_.count; ++rank)
@@ -115,11 +116,11 @@ Status RankGroup::meet() {
         if (monotonic_s() - began_s < limit_s) continue;
         std::string missing;
         for (int other = 0; other < options_.count; ++other)
-          if (!engines_->store->check({joined_key(other)})) missing += " " + std::to_string(other);
+          if (!engines_->store->check({joined_key(other)})) missing += fmt::format(" {}", other);
         return Error{ErrorCode::kTimeout,
-                     "learner " + std::to_string(options_.rank) + " of " + std::to_string(options_.count) +
-                         " waited " + std::to_string(static_cast<int>(limit_s)) + " s in vain for learners" +
-                         missing + "; see their logs, or train with fewer --learners"};
+                     fmt::format("learner {} of {} waited {} s in vain for learners{}; see their logs, or "
+                                 "train with fewer --learners",
+                                 options_.rank, options_.count, static_cast<int>(limit_s), missing)};
       }
     auto settings = c10d::ProcessGroupGloo::Options::create(kExchangeTimeout);
     settings->devices.push_back(c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1"));

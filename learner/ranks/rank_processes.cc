@@ -1,5 +1,7 @@
 #include "learner/ranks/rank_processes.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -22,9 +24,8 @@ constexpr double kStopWithinS = 4;
 
 std::string text_of(int status) {
   if (WIFSIGNALED(status))
-    return "was killed by signal " + std::to_string(WTERMSIG(status)) + " (" + strsignal(WTERMSIG(status)) +
-           ")";
-  return "ended with exit code " + std::to_string(WEXITSTATUS(status));
+    return fmt::format("was killed by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
+  return fmt::format("ended with exit code {}", WEXITSTATUS(status));
 }
 
 }  // namespace
@@ -38,7 +39,7 @@ Expected<RankProcesses> RankProcesses::fork(int count) {
   const pid_t parent = getpid();
   for (int rank = 1; rank < count; ++rank) {
     const pid_t pid = ::fork();
-    if (pid < 0) return system_error("starting learner " + std::to_string(rank));
+    if (pid < 0) return system_error(fmt::format("starting learner {}", rank));
     if (pid == 0) {
       // Killed, not stopped: the first rank's successor begins at once, and no old rank may be running.
       prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -76,9 +77,9 @@ Status RankProcesses::check() {
     int status = 0;
     if (others_[i] == 0 || waitpid(others_[i], &status, WNOHANG) <= 0) continue;
     others_[i] = 0;
-    return Error{ErrorCode::kPeerLost, "learner " + std::to_string(i + 1) + " of " + std::to_string(count_) +
-                                           " " + text_of(status) +
-                                           "; all learners begin again from the last checkpoint"};
+    return Error{ErrorCode::kPeerLost,
+                 fmt::format("learner {} of {} {}; all learners begin again from the last checkpoint", i + 1,
+                             count_, text_of(status))};
   }
   return {};
 }

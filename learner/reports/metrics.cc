@@ -1,5 +1,7 @@
 #include "learner/reports/metrics.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -53,9 +55,9 @@ std::vector<double> EpisodeWindow::state() const {
 
 Status EpisodeWindow::restore(std::span<const double> state, std::size_t fields) {
   if (fields + 1 < kFields || fields > kFields || state.size() % fields != 0)
-    return Error{ErrorCode::kBadFormat, "a window of episodes has " + std::to_string(state.size()) +
-                                            " numbers by " + std::to_string(fields) + ", " +
-                                            std::to_string(kFields) + " make an episode"};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("a window of episodes has {} numbers by {}, {} make an episode", state.size(),
+                             fields, kFields)};
   window_.clear();
   for (; !state.empty(); state = state.subspan(fields))
     push({.score = state[0],

@@ -1,5 +1,7 @@
 #include "learner/sources/batch_source.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -201,11 +203,10 @@ Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>&
     slab_of[place] = slab;
     return {};
   }
-  return Error{ErrorCode::kPeerLost, "environment " + std::to_string(header.env_index) + " sealed rollout " +
-                                         std::to_string(header.rollout_index) +
-                                         " while the learner waits for rollout " +
-                                         std::to_string(next_rollout_) +
-                                         "; a simulator left lock step, resume from the last checkpoint"};
+  return Error{ErrorCode::kPeerLost,
+               fmt::format("environment {} sealed rollout {} while the learner waits for rollout {}; a "
+                           "simulator left lock step, resume from the last checkpoint",
+                           header.env_index, header.rollout_index, next_rollout_)};
 }
 
 /// Waits for the rollout's slab of every environment; false, and all slabs back, when a stop came first.

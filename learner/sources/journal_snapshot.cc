@@ -1,5 +1,7 @@
 #include "learner/sources/journal_snapshot.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cstring>
@@ -36,17 +38,18 @@ Expected<JournalSnapshot> JournalSnapshot::capture(const shm::Arena& arena, uint
     // The slab is sealed before or after the journal is brought up to date; either way it happens at once.
     while (next_rollout_of(arena, index) != next_rollout) {
       if (monotonic_ns() > deadline_ns)
-        return Error{ErrorCode::kTimeout, "environment " + std::to_string(index) + " did not reach rollout " +
-                                              std::to_string(next_rollout) + " in its journal"};
+        return Error{
+            ErrorCode::kTimeout,
+            fmt::format("environment {} did not reach rollout {} in its journal", index, next_rollout)};
       timespec pause{.tv_sec = 0, .tv_nsec = 200'000};
       nanosleep(&pause, nullptr);
     }
     const shm::JournalHeader& journal = arena.journals().header(index);
     if (static_cast<int64_t>(journal.length) > shape.journal_steps)
-      return Error{ErrorCode::kUnsupported, "the journal of environment " + std::to_string(index) +
-                                                " overflowed (" + std::to_string(journal.length) +
-                                                " decisions since reset, room for " +
-                                                std::to_string(shape.journal_steps) + "); no exact resume"};
+      return Error{ErrorCode::kUnsupported,
+                   fmt::format("the journal of environment {} overflowed ({} decisions since reset, room for "
+                               "{}); no exact resume",
+                               index, journal.length, shape.journal_steps)};
     for (const uint64_t field : {journal.episode_seed, journal.episode_id, journal.step_id,
                                  journal.rollout_index, uint64_t{journal.length}})
       snapshot.header.push_back(static_cast<int64_t>(field));
@@ -105,23 +108,21 @@ Status JournalSnapshot::restore(const shm::Arena& arena) const {
   const int64_t env_count = static_cast<int64_t>(header.size()) / kHeaderFields;
   if (env_count != shape.env_count() || action_bytes != int64_t{env.num_agents} * env.head_count ||
       state_floats != int64_t{env.num_agents} * shape.trajectory.recurrent_state_count)
-    return Error{
-        ErrorCode::kBadFormat,
-        "the checkpoint holds " + std::to_string(env_count) + " environments with joint actions of " +
-            std::to_string(action_bytes) + " bytes, this run has " + std::to_string(shape.env_count()) +
-            " with " + std::to_string(env.num_agents * env.head_count) +
-            "; a deterministic run resumes with the same --num_workers, --num_envs_per_worker, --num_agents "
-            "and model"};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("the checkpoint holds {} environments with joint actions of {} bytes, this run "
+                             "has {} with {}; a deterministic run resumes with the same --num_workers, "
+                             "--num_envs_per_worker, --num_agents and model",
+                             env_count, action_bytes, shape.env_count(), env.num_agents * env.head_count)};
   std::size_t read = 0;
   for (int64_t index = 0; index < env_count; ++index) {
     const int64_t* field = header.data() + index * kHeaderFields;
     const int64_t length = field[4];
     if (length < 0 || length > shape.journal_steps ||
         read + static_cast<std::size_t>(length * action_bytes) > action.size())
-      return Error{ErrorCode::kBadFormat, "the checkpoint's journal of environment " + std::to_string(index) +
-                                              " has " + std::to_string(length) +
-                                              " decisions; this run has room for " +
-                                              std::to_string(shape.journal_steps)};
+      return Error{
+          ErrorCode::kBadFormat,
+          fmt::format("the checkpoint's journal of environment {} has {} decisions; this run has room for {}",
+                      index, length, shape.journal_steps)};
     const int env_index = static_cast<int>(index);
     shm::JournalHeader& journal = arena.journals().header(env_index);
     journal.episode_seed = static_cast<uint64_t>(field[0]);

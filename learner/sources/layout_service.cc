@@ -1,5 +1,7 @@
 #include "learner/sources/layout_service.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -238,15 +240,16 @@ Status LayoutService::restore_mailboxes(const shm::Arena& arena) const {
   if (mailboxes_.empty()) return {};
   const auto env_count = static_cast<int64_t>(mailboxes_.size()) / kMailboxFields;
   if (env_count != arena.shape().env_count())
-    return Error{ErrorCode::kBadFormat, "the checkpoint holds the layouts of " + std::to_string(env_count) +
-                                            " environments, this run has " +
-                                            std::to_string(arena.shape().env_count())};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("the checkpoint holds the layouts of {} environments, this run has {}",
+                             env_count, arena.shape().env_count())};
   const auto known = static_cast<int64_t>(curriculum_->task_count());
   for (int env = 0; env < arena.shape().env_count(); ++env) {
     const int64_t* field = mailboxes_.data() + env * kMailboxFields;
     if (field[1] < 0 || field[1] >= known || field[3] < 0 || field[3] >= known)
-      return Error{ErrorCode::kBadFormat, "the checkpoint's environment " + std::to_string(env) +
-                                              " plays a layout that is not in the pool"};
+      return Error{
+          ErrorCode::kBadFormat,
+          fmt::format("the checkpoint's environment {} plays a layout that is not in the pool", env)};
     shm::LayoutMailbox& mailbox = arena.layout_mailboxes().of(env);
     mailbox.taken.store(static_cast<uint32_t>(field[0]));
     mailbox.playing.store(static_cast<uint32_t>(field[1]));

@@ -1,5 +1,7 @@
 #include "learner/sources/replay_feed.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <pthread.h>
 
 #include <algorithm>
@@ -63,7 +65,7 @@ Expected<replay::ReplayPlan> plan_of_first(replay::ReplayPlan plan, RankGroup& r
 std::string path_of_rank(const std::string& path, int rank) {
   if (rank == 0) return path;
   const std::size_t dot = path.rfind('.');
-  return path.substr(0, dot) + "." + std::to_string(rank) + path.substr(dot);
+  return fmt::format("{}.{}{}", path.substr(0, dot), rank, path.substr(dot));
 }
 
 }  // namespace
@@ -109,9 +111,9 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
   const int64_t capacity = learners * replay->capacity_transitions();
   if (all.is_leader())
     tell_user(
-        {UserMessage::Kind::kNote, plan.words() + (all.is_alone() ? ""
-                                                                  : "; each of " + std::to_string(learners) +
-                                                                        " learners holds a part of it")});
+        {UserMessage::Kind::kNote,
+         plan.words() +
+             (all.is_alone() ? "" : fmt::format("; each of {} learners holds a part of it", learners))});
   const int64_t samples = drawn.units * (unit == replay::Unit::kSequence ? config.collection.rollout * agents
                                          : unit == replay::Unit::kJointStep ? agents
                                                                             : 1);
@@ -452,9 +454,10 @@ Status ReplayFeed::begin_without_replay(const StateDict& state, const std::strin
   COMRAD_TRY_ASSIGN(const int64_t version, state.integer("algorithm/version"));
   if (version > 0)
     limiter_.set_min_size(std::min(min_size_to_sample_, kBatchesBeforeTraining * samples_per_update_));
-  const std::string begins = version == 0 ? std::to_string(min_size_to_sample_) + " decisions"
-                                          : "the first " + std::to_string(kBatchesBeforeTraining) +
-                                                " batches of new decisions, since its policy is trained";
+  const std::string begins =
+      version == 0 ? fmt::format("{} decisions", min_size_to_sample_)
+                   : fmt::format("the first {} batches of new decisions, since its policy is trained",
+                                 kBatchesBeforeTraining);
   spdlog::warn("{}; training begins again with {}, its agents act with an epsilon of {:.3g}", reason, begins,
                config_.q_learning.epsilon.at(env_frames_));
   return {};
@@ -476,8 +479,9 @@ Status ReplayFeed::load(const StateDict& state, const std::string& folder, bool 
     COMRAD_TRY_ASSIGN(learners, state.integer("replay/learners"));
   }
   if (learners != ranks_.count())
-    return begin_without_replay(state, "the checkpoint's replay is that of " + std::to_string(learners) +
-                                           " learners, now they are " + std::to_string(ranks_.count()));
+    return begin_without_replay(
+        state, fmt::format("the checkpoint's replay is that of {} learners, now they are {}", learners,
+                           ranks_.count()));
   if (file.find('/') != std::string::npos)
     return Error{ErrorCode::kBadFormat, "replay/file is \"" + file + "\"; it must be a file of the folder"};
   if (config_.collection.deterministic && state.has("replay/capacity_bytes")) {

@@ -1,5 +1,7 @@
 #include "learner/step/step_guard.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
 
@@ -47,16 +49,16 @@ Status StepGuard::skip_invalid_batch(int64_t dropped, UpdateStats& stats) {
 
 Status StepGuard::status() const {
   if (invalid_in_a_row_ >= kSkippedInARowMax)
-    return Error{
-        ErrorCode::kBadInput,
-        "no sample was valid in " + std::to_string(invalid_in_a_row_) +
-            " batches in a row, so nothing is learned: either the policy gives numbers that are not finite "
-            "(resume from an earlier checkpoint) or all data is older than --max_policy_lag"};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("no sample was valid in {} batches in a row, so nothing is learned: either the "
+                             "policy gives numbers that are not finite (resume from an earlier checkpoint) "
+                             "or all data is older than --max_policy_lag",
+                             invalid_in_a_row_)};
   if (skipped_in_a_row_ < kSkippedInARowMax) return {};
   return Error{ErrorCode::kBadInput,
-               "loss or gradient was not finite in " + std::to_string(skipped_in_a_row_) +
-                   " optimizer steps in a row; lower --learning_rate or --max_grad_norm and resume from the "
-                   "last checkpoint"};
+               fmt::format("loss or gradient was not finite in {} optimizer steps in a row; lower "
+                           "--learning_rate or --max_grad_norm and resume from the last checkpoint",
+                           skipped_in_a_row_)};
 }
 
 }  // namespace comrad::learn

@@ -1,5 +1,7 @@
 #include "learner/worker/checkpoint_keeper.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -26,7 +28,7 @@ void warn(std::string text) { tell_user({UserMessage::Kind::kWarning, std::move(
 
 /// The replay that belongs to a checkpoint, beside it.
 std::string replay_file_name(uint64_t version, uint64_t env_frames) {
-  return "replay_" + std::to_string(version) + "_" + std::to_string(env_frames) + ".bin";
+  return fmt::format("replay_{}_{}.bin", version, env_frames);
 }
 
 }  // namespace
@@ -57,10 +59,10 @@ Expected<std::optional<CheckpointKeeper::Found>> CheckpointKeeper::find(bool is_
   // Those that an earlier start set aside count, too: a second start must not train from nothing.
   const std::size_t damaged = store_.set_aside_count() + (is_reader ? candidates.size() : 0);
   if (damaged > 0)
-    return Error{ErrorCode::kBadFormat, "none of the " + std::to_string(damaged) + " checkpoints in " +
-                                            folder_ +
-                                            " can be read (damaged ones end in .broken); restore one, "
-                                            "or begin anew with --restart_behavior restart"};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("none of the {} checkpoints in {} can be read (damaged ones end in .broken); "
+                             "restore one, or begin anew with --restart_behavior restart",
+                             damaged, folder_)};
   return std::optional<Found>();
 }
 
@@ -202,7 +204,7 @@ void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t request) {
 void CheckpointKeeper::save_if_best() {
   if (static_cast<double>(totals_.env_frames) < config_.run.save_best_after_env_frames) return;
   if (!episodes_.is_full()) {
-    if (!best_score_ && !std::exchange(told_of_no_best_, true))
+    if (!best_score_ && !std::exchange(reported_no_best_, true))
       spdlog::info(
           "no best checkpoint before stats_avg {} episodes have ended ({} so far); a run that ends before "
           "leaves none, --stats_avg requests fewer",

@@ -104,7 +104,7 @@ class CheckpointKeeper {
   double last_save_s_ = 0, last_best_look_s_ = 0;
   std::optional<double> best_score_;
   Milestones milestone_seconds_, milestone_frames_, evaluation_frames_;
-  bool told_of_no_best_ = false;
+  bool reported_no_best_ = false;
 };
 
 }  // namespace comrad::learn

@@ -22,7 +22,7 @@ Follower::Follower(const RunConfig& config, shm::Arena arena, const std::atomic<
     : config_(config),
       lock_step_(config.collection.deterministic || !config.collection.async_rl),
       arena_(std::move(arena)),
-      told_(stop),
+      stop_requested_(stop),
       stop_(stop, arena_),
       ranks_(ranks) {}
 
@@ -67,7 +67,7 @@ Status Follower::begin() {
 
 Status Follower::run() {
   Status result;
-  while (result && !told_.load()) {
+  while (result && !stop_requested_.load()) {
     const Expected<bool> drained = source_->drain();
     result = drained ? ranks_.status() : Status(drained.error());
     if (!result) break;
@@ -106,7 +106,7 @@ Status Follower::update(Sample& sample) {
                                 algorithm_->version()));
   UpdateContext context;
   context.env_frames = static_cast<double>(totals_.env_frames);
-  context.keep_going = [this] { return !told_.load(); };
+  context.keep_going = [this] { return !stop_requested_.load(); };
   COMRAD_TRY_ASSIGN(const UpdateStats stats, update_on(sample, *algorithm_, context));
   COMRAD_TRY(ranks_.status());
   if (layouts_ && sample.rollout_batch && !stats.abandoned) layouts_->score(*sample.rollout_batch, ranks_);
@@ -120,7 +120,7 @@ void Follower::count(int64_t transitions) {
 
 /// While it waits for the others.
 Status Follower::watch() {
-  if (told_.load() || (stop_.requested() && stop_.seconds_since() > kGiveUpAfterS))
+  if (stop_requested_.load() || (stop_.requested() && stop_.seconds_since() > kGiveUpAfterS))
     return Error{ErrorCode::kTimeout, "the run stops"};
   return {};
 }

@@ -42,7 +42,7 @@ class Follower {
   const RunConfig config_;
   const bool lock_step_;
   shm::Arena arena_;
-  const std::atomic<bool>& told_;
+  const std::atomic<bool>& stop_requested_;
   StopSignal stop_;
   RankGroup& ranks_;
   RunTotals totals_;

@@ -1,5 +1,7 @@
 #include "learner/worker/learner.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <limits>
@@ -105,12 +107,11 @@ Status Learner::make_network() {
   if (!ranks_.is_alone()) COMRAD_TRY(algorithm_->learn_with(ranks_));
   ranks_.set_watch([this] { return check_others(); });
   spdlog::info("learner: trains on {}{}", device_.str(),
-               ranks_.is_alone() ? "" : ", the first of " + std::to_string(ranks_.count()));
+               ranks_.is_alone() ? "" : fmt::format(", the first of {}", ranks_.count()));
   if (const int64_t bytes = algorithm_->weights_bytes(); bytes > arena_.shape().weights_bytes)
-    return Error{ErrorCode::kBadInput, "the network has " + std::to_string(bytes) +
-                                           " bytes of weights, the arena holds " +
-                                           std::to_string(arena_.shape().weights_bytes) +
-                                           "; learner and supervisor must read the same config.toml"};
+    return Error{ErrorCode::kBadInput, fmt::format("the network has {} bytes of weights, the arena holds {}; "
+                                                   "learner and supervisor must read the same config.toml",
+                                                   bytes, arena_.shape().weights_bytes)};
   return {};
 }
 
@@ -118,16 +119,15 @@ Status Learner::check_arena() const {
   const TrajectoryShape& shape = arena_.shape().trajectory;
   const int64_t state_count = policy::NetworkOptions::from(config_, shape.env).recurrent_state_count();
   if (shape.rollout_steps != config_.collection.rollout || shape.recurrent_state_count != state_count)
-    return Error{ErrorCode::kBadInput,
-                 "the arena was made for rollout " + std::to_string(shape.rollout_steps) + " and " +
-                     std::to_string(shape.recurrent_state_count) +
-                     " floats of recurrent state, config.toml states " +
-                     std::to_string(config_.collection.rollout) + " and " + std::to_string(state_count)};
+    return Error{ErrorCode::kBadInput, fmt::format("the arena was made for rollout {} and {} floats of "
+                                                   "recurrent state, config.toml states {} and {}",
+                                                   shape.rollout_steps, shape.recurrent_state_count,
+                                                   config_.collection.rollout, state_count)};
   const int64_t needed = lock_step_ ? arena_.shape().env_count() : slabs_per_batch(config_, shape.env);
   if (!options_.serve && arena_.shape().slab_count < needed)
-    return Error{ErrorCode::kBadInput, "the arena has " + std::to_string(arena_.shape().slab_count) +
-                                           " trajectory slabs, a batch needs " + std::to_string(needed) +
-                                           "; raise --trajectory_slabs or lower --batch_size"};
+    return Error{ErrorCode::kBadInput, fmt::format("the arena has {} trajectory slabs, a batch needs {}; "
+                                                   "raise --trajectory_slabs or lower --batch_size",
+                                                   arena_.shape().slab_count, needed)};
   return {};
 }
 
@@ -272,7 +272,7 @@ Expected<UpdateStats> Learner::update(Sample& sample) {
     return update_on(sample, *algorithm_, context);
   };
   COMRAD_TRY_ASSIGN(UpdateStats stats, updated());
-  // Others are still in the midst of the step: what they say next is no answer to what this one would ask.
+  // Others are still in the midst of the step: later replies belong to earlier requests.
   if (stats.abandoned) ranks_.leave({ErrorCode::kTimeout, "the run stops within an optimizer step"});
   if (ranks_.failure()) {
     COMRAD_TRY_ASSIGN(stats, left_by_others(*ranks_.failure(), stats));
@@ -366,7 +366,7 @@ void Learner::give_up_rollout() {
   checkpoints_.settle(algorithm_->version());
 }
 
-/// What it waits is no time of training.
+/// Waiting does not count as training time.
 bool Learner::wait_while_paused() {
   for (double seen_s = monotonic_s(); arena_.control().run_state.load() == shm::RunState::kPaused;) {
     const double now_s = monotonic_s();

@@ -1,4 +1,6 @@
 // comrad-learner: trains (or serves) the policy of one run, or its benchmark.
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <memory>
 #include <string>
@@ -35,7 +37,7 @@ Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, le
   COMRAD_TRY_ASSIGN(learn::RankProcesses processes, learn::RankProcesses::fork(learners));
   const int rank = processes.rank();
   if (rank > 0) {
-    const std::string name = "learner-" + std::to_string(rank);
+    const std::string name = fmt::format("learner-{}", rank);
     COMRAD_TRY(init_log(name, shell.run_dir() + "/logs/" + name + ".log"));
   }
   tune_math(config);

@@ -1,5 +1,7 @@
 #include "learner/worker/seat_server.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <iterator>
@@ -58,9 +60,9 @@ Status serve_seats(const std::string& run_dir, const shm::Arena& arena, const st
   std::vector<std::byte> bytes;
   for (const SeatNetwork& network : plan.networks) COMRAD_TRY(append_network(network, env, bytes));
   if (static_cast<int64_t>(bytes.size()) > arena.shape().weights_bytes)
-    return Error{ErrorCode::kBadInput, "the weights of all seats need " + std::to_string(bytes.size()) +
-                                           " bytes, the arena holds " +
-                                           std::to_string(arena.shape().weights_bytes)};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("the weights of all seats need {} bytes, the arena holds {}", bytes.size(),
+                             arena.shape().weights_bytes)};
   arena.weights().publish(bytes, 1);
   shm::ControlBlock& control = arena.control();
   control.rollouts_allowed = std::numeric_limits<uint64_t>::max();

@@ -1,5 +1,7 @@
 #include "policy_workers/batching/batcher.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -18,9 +20,8 @@ Expected<Batcher> Batcher::create(const shm::Arena& arena, const BatcherOptions&
                                   const Clock& clock) {
   const int worker_count = arena.shape().policy_worker_count;
   if (options.policy_worker < 0 || options.policy_worker >= worker_count)
-    return Error{ErrorCode::kBadInput, "worker_index is " + std::to_string(options.policy_worker) +
-                                           "; this run has " + std::to_string(worker_count) +
-                                           " policy workers"};
+    return Error{ErrorCode::kBadInput, fmt::format("worker_index is {}; this run has {} policy workers",
+                                                   options.policy_worker, worker_count)};
   if (options.min_batch < 0 || options.max_batch < 0 || options.max_wait_us < 0)
     return Error{ErrorCode::kBadInput, "min_batch, max_batch and max_wait_us must not be negative"};
   return Batcher(arena, options, clock);

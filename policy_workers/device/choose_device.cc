@@ -1,5 +1,7 @@
 #include "policy_workers/device/choose_device.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <string_view>
@@ -26,8 +28,9 @@ Expected<torch::Device> choose_device(const std::string& setting) {
   const int64_t count = has_cuda ? static_cast<int64_t>(at::getNumGPUs()) : 0;
   if (index >= count)
     return Error{ErrorCode::kUnsupported,
-                 "device is '" + setting + "', but there are " + std::to_string(count) +
-                     " CUDA devices here (or this libtorch was built without CUDA); use --device cpu"};
+                 fmt::format("device is '{}', but there are {} CUDA devices here (or this libtorch was built "
+                             "without CUDA); use --device cpu",
+                             setting, count)};
   return torch::Device(torch::kCUDA, static_cast<torch::DeviceIndex>(index));
 }
 

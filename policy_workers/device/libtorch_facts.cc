@@ -1,5 +1,7 @@
 #include "policy_workers/device/libtorch_facts.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <dlfcn.h>
 #include <torch/version.h>
 
@@ -20,7 +22,7 @@ LibtorchFacts libtorch_facts() {
   facts.has_nccl = true;
 #endif
 #ifdef COMRAD_HAS_CUDA
-  facts.cuda = std::to_string(CUDART_VERSION / 1000) + "." + std::to_string(CUDART_VERSION % 1000 / 10);
+  facts.cuda = fmt::format("{}.{}", CUDART_VERSION / 1000, CUDART_VERSION % 1000 / 10);
   facts.cudnn = at::globalContext().versionCuDNN();
   int count = 0;
   if (const cudaError_t result = cudaGetDeviceCount(&count); result != cudaSuccess) {
@@ -31,10 +33,9 @@ LibtorchFacts libtorch_facts() {
   for (int index = 0; index < count; ++index) {
     cudaDeviceProp device{};
     if (cudaGetDeviceProperties(&device, index) != cudaSuccess) continue;
-    facts.devices.push_back(
-        {.name = device.name,
-         .memory_bytes = static_cast<int64_t>(device.totalGlobalMem),
-         .capability = std::to_string(device.major) + "." + std::to_string(device.minor)});
+    facts.devices.push_back({.name = device.name,
+                             .memory_bytes = static_cast<int64_t>(device.totalGlobalMem),
+                             .capability = fmt::format("{}.{}", device.major, device.minor)});
   }
 #endif
   return facts;

@@ -1,5 +1,7 @@
 #include "policy_workers/network/actor_critic.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <string_view>
 #include <utility>
 
@@ -140,7 +142,7 @@ ActorCritic ActorCritic::make(const NetworkOptions& options, uint64_t seed, torc
       value_head = {make("value_head", {1, features})};
       value_heads.push_back(value_head.front());
     }
-    impl.actors.push_back({.prefix = options.separate_agents ? "agent" + std::to_string(i) + "." : "",
+    impl.actors.push_back({.prefix = options.separate_agents ? fmt::format("agent{}.", i) : "",
                            .tower = std::move(tower),
                            .action_head = std::move(action_head),
                            .value_head = std::move(value_head)});
@@ -373,10 +375,9 @@ std::vector<std::byte> ActorCritic::weights() const {
 
 Status ActorCritic::read_weights(std::span<const std::byte> in) const {
   if (static_cast<int64_t>(in.size()) != weights_bytes())
-    return Error{ErrorCode::kBadFormat, "weights of " + std::to_string(in.size()) +
-                                            " bytes, but this network has " +
-                                            std::to_string(weights_bytes()) +
-                                            "; learner and policy worker must run the same config.toml"};
+    return Error{ErrorCode::kBadFormat, fmt::format("weights of {} bytes, but this network has {}; learner "
+                                                    "and policy worker must run the same config.toml",
+                                                    in.size(), weights_bytes())};
   impl_->upload.put(in, state_tensors());
   impl_->normalizer->refresh();
   return {};
@@ -397,8 +398,8 @@ const NetworkOptions& ActorCritic::options() const { return impl_->options; }
 std::string ActorCritic::description() const {
   constexpr std::string_view kValues[] = {"own", "central", "joint", "no"};  // of CriticKind
   const NetworkOptions& o = impl_->options;
-  const std::string core = o.use_rnn ? std::string(word_of(o.rnn_type)) + " of " + std::to_string(o.rnn_size)
-                                     : "no recurrent core";
+  const std::string core =
+      o.use_rnn ? fmt::format("{} of {}", word_of(o.rnn_type), o.rnn_size) : "no recurrent core";
   return "encoder " + o.encoder + " by " + impl_->actors.front().tower.encoder().implementation() + ", " +
          core + ", " + std::string(kValues[static_cast<std::size_t>(o.critic)]) + " values, " +
          word_of(o.precision) + " products" + (o.layer_norm ? ", layer normalisation" : "");

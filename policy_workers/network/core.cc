@@ -1,5 +1,7 @@
 #include "policy_workers/network/core.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cmath>
 
 #include "policy_workers/device/operator_path.h"
@@ -348,7 +350,7 @@ class RecurrentCore : public Core {
   NamedTensors named_parameters() const override {
     NamedTensors named;
     for (size_t layer = 0; layer < layers_.size(); ++layer) {
-      const std::string suffix = "_l" + std::to_string(layer);
+      const std::string suffix = fmt::format("_l{}", layer);
       named.emplace_back("core.weight_ih" + suffix, layers_[layer].weight_ih);
       named.emplace_back("core.weight_hh" + suffix, layers_[layer].weight_hh);
       named.emplace_back("core.bias_ih" + suffix, layers_[layer].bias_ih);

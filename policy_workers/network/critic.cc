@@ -1,5 +1,7 @@
 #include "policy_workers/network/critic.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <string>
 
@@ -56,7 +58,7 @@ class TeamCritic : public Critic {
   void make_layers(int64_t inputs, std::vector<int64_t> widths, int64_t outputs, const LayerMaker& make) {
     widths.push_back(outputs);
     for (const int64_t width : widths) {
-      layers_.push_back(make("critic." + std::to_string(layers_.size()), {width, inputs}));
+      layers_.push_back(make(fmt::format("critic.{}", layers_.size()), {width, inputs}));
       inputs = width;
     }
   }
@@ -175,7 +177,7 @@ class JointCritic : public TeamCritic {
   NamedTensors named_parameters() const override {
     NamedTensors named;
     for (std::size_t i = 0; i < towers_.size(); ++i)
-      append(named, "", towers_[i].named_parameters("critic.agent" + std::to_string(i) + "."));
+      append(named, "", towers_[i].named_parameters(fmt::format("critic.agent{}.", i)));
     append(named, "", layer_parameters());
     return named;
   }

@@ -1,5 +1,7 @@
 #include "policy_workers/network/decoder.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "policy_workers/device/torch_ops.h"
 
 namespace comrad::policy {

@@ -1,5 +1,7 @@
 #include "policy_workers/network/layer_encoder.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "policy_workers/device/operator_path.h"
@@ -225,7 +227,7 @@ class LayerEncoder : public Encoder {
       tensors_.push_back(made.weight);
       tensors_.push_back(made.bias);
     };
-    const auto next_conv = [this] { return "conv" + std::to_string(++convolutions_); };
+    const auto next_conv = [this] { return fmt::format("conv{}", ++convolutions_); };
     switch (layer.kind) {
       case LayerKind::kConv:
         add(make(next_conv(), {layer.outputs, input.channels, layer.kernel, layer.kernel}));
@@ -235,14 +237,14 @@ class LayerEncoder : public Encoder {
         break;
       case LayerKind::kLinear:
         ++linears_;
-        add(make(linears_ == 1 ? "image" : "image" + std::to_string(linears_),
+        add(make(linears_ == 1 ? "image" : fmt::format("image{}", linears_),
                  {layer.outputs, input.channels}));
         break;
       case LayerKind::kLayerNorm: {
         const std::vector<int64_t> sizes =
             input.is_flat ? std::vector<int64_t>{input.channels}
                           : std::vector<int64_t>{input.channels, input.height, input.width};
-        add(make.norm("norm" + std::to_string(++norms_), sizes));
+        add(make.norm(fmt::format("norm{}", ++norms_), sizes));
         break;
       }
       case LayerKind::kPool:

@@ -1,5 +1,6 @@
 #include "policy_workers/network/script_encoder.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <torch/csrc/jit/api/module.h>
 #include <torch/csrc/jit/runtime/graph_executor.h>
 #include <torch/csrc/jit/serialization/import.h>
@@ -72,8 +73,8 @@ std::string fault_of(const ScriptEncoder& encoder) {
   const Tensor features = encoder.try_rows(5);
   if (features.scalar_type() != torch::kFloat32 || features.dim() != 2 || features.size(0) != 5 ||
       features.size(1) < 1 || features.size(1) > kEncoderFeaturesMax)
-    return "returns " + device::shape_text(features) + " for 5 rows; features float32 [5, F], F up to " +
-           std::to_string(kEncoderFeaturesMax) + ", are expected";
+    return fmt::format("returns {} for 5 rows; features float32 [5, F], F up to {}, are expected",
+                       device::shape_text(features), kEncoderFeaturesMax);
   if (!torch::isfinite(features).all().item<bool>())
     return "returns infinity or NaN for random bytes; finite features are expected (divide frames by 255)";
   if (!torch::equal(encoder.try_rows(5), features))
@@ -124,12 +125,10 @@ Status check_script_encoder(const std::string& path, const EnvShape& env) {
     what.resize(std::min(what.find("\nException raised from"), what.size()));
     what.resize(what.find_last_not_of(" \n") + 1);
     what.erase(0, what.rfind('\n') + 1);
-    return refuse(
-        "failed, where a TorchScript module of frames u8 [B, " + std::to_string(env.channels) + ", " +
-        std::to_string(env.height) + ", " + std::to_string(env.width) + "] and measurements f32 [B, " +
-        std::to_string(env.measurement_count) +
-        "] to features f32 [B, F] is expected; write it with comrad.export_encoder. libtorch reports: " +
-        what);
+    return refuse(fmt::format(
+        "failed, where a TorchScript module of frames u8 [B, {}, {}, {}] and measurements f32 [B, {}] to "
+        "features f32 [B, F] is expected; write it with comrad.export_encoder. libtorch reports: {}",
+        env.channels, env.height, env.width, env.measurement_count, what));
   }
   return {};
 }

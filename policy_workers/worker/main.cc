@@ -103,7 +103,7 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config, policy::Poli
   if (plays_seats) options.seats_of = shell.run_dir();
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
   Expected<dds::Bus> bus = dds::Bus::open(dds::bus_config_for_run(arena.run_id()));
-  if (!bus) spdlog::warn("no status will be heard of this worker: {}", bus.error().message);
+  if (!bus) spdlog::warn("this worker will not report its status: {}", bus.error().message);
   device::tune_math(static_cast<int>(config.collection.policy_threads));
   COMRAD_TRY_ASSIGN(policy::PolicyWorker worker,
                     policy::PolicyWorker::create(config, arena, options, bus ? &bus.value() : nullptr));

@@ -1,5 +1,7 @@
 #include "policy_workers/worker/policy_worker.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -56,11 +58,10 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
   } else if (!options.is_random) {
     const NetworkOptions network = NetworkOptions::from(config, shape.env);
     if (network.recurrent_state_count() != shape.recurrent_state_count)
-      return Error{ErrorCode::kBadInput, "the network has " +
-                                             std::to_string(network.recurrent_state_count()) +
-                                             " floats of recurrent state, the arena was made for " +
-                                             std::to_string(shape.recurrent_state_count) +
-                                             "; all processes of a run must read the same config.toml"};
+      return Error{ErrorCode::kBadInput,
+                   fmt::format("the network has {} floats of recurrent state, the arena was made for {}; all "
+                               "processes of a run must read the same config.toml",
+                               network.recurrent_state_count(), shape.recurrent_state_count)};
     if (sees_global_state(config) && shape.env.global_state_count == 0)
       return Error{
           ErrorCode::kBadInput,
@@ -72,9 +73,9 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
     spdlog::info("policy worker: {}", policy.description());
     if (policy.weights_bytes() > arena.shape().weights_bytes)
       return Error{ErrorCode::kBadInput,
-                   "the network's weights need " + std::to_string(policy.weights_bytes()) +
-                       " bytes, the arena holds " + std::to_string(arena.shape().weights_bytes) +
-                       "; all processes of a run must read the same config.toml"};
+                   fmt::format("the network's weights need {} bytes, the arena holds {}; all processes of a "
+                               "run must read the same config.toml",
+                               policy.weights_bytes(), arena.shape().weights_bytes)};
   }
   return PolicyWorker(arena, options, bus, std::move(policy), std::move(seats), std::move(batcher));
 }
@@ -184,7 +185,7 @@ void PolicyWorker::report(const char* state) {
   const bool is_paused =
       arena_->control().run_state.load(std::memory_order_acquire) == shm::RunState::kPaused;
   dds::WorkerStatus status{
-      .worker_id = "policy-" + std::to_string(options_.worker_index),
+      .worker_id = fmt::format("policy-{}", options_.worker_index),
       .host = host_,
       .pid = getpid(),
       .role = "policy",

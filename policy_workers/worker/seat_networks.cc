@@ -1,5 +1,7 @@
 #include "policy_workers/worker/seat_networks.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cstring>
 #include <utility>
 
@@ -18,10 +20,10 @@ Expected<SeatNetworks> SeatNetworks::create(const std::string& run_dir, const sh
     COMRAD_TRY_ASSIGN(const RunConfig config, load_run_config(networks.plan_.networks[index].settings));
     const NetworkOptions options = NetworkOptions::from(config, shape.env);
     if (options.recurrent_state_count() > shape.recurrent_state_count)
-      return Error{ErrorCode::kBadInput, networks.plan_.networks[index].settings + ": the network has " +
-                                             std::to_string(options.recurrent_state_count()) +
-                                             " floats of recurrent state, the arena was made for " +
-                                             std::to_string(shape.recurrent_state_count)};
+      return Error{ErrorCode::kBadInput,
+                   fmt::format("{}: the network has {} floats of recurrent state, the arena was made for {}",
+                               networks.plan_.networks[index].settings, options.recurrent_state_count(),
+                               shape.recurrent_state_count)};
     COMRAD_TRY(check_encoder(options.encoder, options.env));
     Player player{.net = ActorCritic::create_for_loading(options, device),
                   .agents = networks.plan_.seats_of_network(static_cast<int>(index)),
@@ -35,9 +37,9 @@ Expected<SeatNetworks> SeatNetworks::create(const std::string& run_dir, const sh
     networks.players_.push_back(std::move(player));
   }
   if (bytes > arena.shape().weights_bytes)
-    return Error{ErrorCode::kBadInput, "the weights of all seats need " + std::to_string(bytes) +
-                                           " bytes, the arena holds " +
-                                           std::to_string(arena.shape().weights_bytes)};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("the weights of all seats need {} bytes, the arena holds {}", bytes,
+                             arena.shape().weights_bytes)};
   return networks;
 }
 
@@ -47,13 +49,13 @@ Status SeatNetworks::read_weights(std::span<const std::byte> bytes) {
     const auto size = static_cast<std::size_t>(player.net.weights_bytes());
     if (bytes.size() < sizeof(float) + size)
       return Error{ErrorCode::kBadFormat,
-                   "the weights end within network " + std::to_string(index) + " of the seats"};
+                   fmt::format("the weights end within network {} of the seats", index)};
     std::memcpy(&player.rule.epsilon, bytes.data(), sizeof(float));
     COMRAD_TRY(player.net.read_weights(bytes.subspan(sizeof(float), size)));
     bytes = bytes.subspan(sizeof(float) + size);
   }
   if (!bytes.empty())
-    return Error{ErrorCode::kBadFormat, std::to_string(bytes.size()) + " bytes of weights belong to no seat"};
+    return Error{ErrorCode::kBadFormat, fmt::format("{} bytes of weights belong to no seat", bytes.size())};
   return {};
 }
 

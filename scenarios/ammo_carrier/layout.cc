@@ -1,5 +1,7 @@
 #include "scenarios/ammo_carrier/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <string>
 
@@ -72,10 +74,10 @@ Status check_resources(const LayoutTask& task) {
   const double needed = monsters * (kHealth / kDamage + 0.5) / kHits;
   const double given = kStartBullets + tics / kItemTics * kItem;
   if (needed <= given) return {};
-  return Error{ErrorCode::kBadInput, "some " + std::to_string(static_cast<int64_t>(monsters)) +
-                                         " monsters take " + std::to_string(static_cast<int64_t>(needed)) +
-                                         " bullets, and " + std::to_string(static_cast<int64_t>(given)) +
-                                         " appear; lower density or depots"};
+  return Error{
+      ErrorCode::kBadInput,
+      fmt::format("some {} monsters take {} bullets, and {} appear; lower density or depots",
+                  static_cast<int64_t>(monsters), static_cast<int64_t>(needed), static_cast<int64_t>(given))};
 }
 
 Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
@@ -95,7 +97,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
     Point centre = doomgen::polar_point(wanted.value32("radius") * 8 / 10, k, depot_count);
     centre.x += places.between(-jitter, jitter);
     centre.y += places.between(-jitter, jitter);
-    depots.push_back(plan.add_area({.name = "depot " + std::to_string(k + 1),
+    depots.push_back(plan.add_area({.name = fmt::format("depot {}", k + 1),
                                     .ceiling = 200,
                                     .floor_texture = "CEIL5_1",
                                     .wall_texture = "BROWN96",
@@ -103,11 +105,11 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                                    Box::around(centre, kDepotSize, kDepotSize)));
   }
   for (int k = 0; k < depot_count; ++k)
-    plan.add_corridor({.name = "spoke " + std::to_string(k + 1), .floor_texture = "FLOOR4_8", .light = 208},
+    plan.add_corridor({.name = fmt::format("spoke {}", k + 1), .floor_texture = "FLOOR4_8", .light = 208},
                       hub, depots[k], {.width = kSpokeWidth});
   // Two depots need one way between them, a single one none.
   for (int k = 0; k < (depot_count < 3 ? depot_count - 1 : depot_count); ++k)
-    plan.add_corridor({.name = "ring " + std::to_string(k + 1), .floor_texture = "FLOOR5_1", .light = 196},
+    plan.add_corridor({.name = fmt::format("ring {}", k + 1), .floor_texture = "FLOOR5_1", .light = 196},
                       depots[k], depots[(k + 1) % depot_count], {.width = kRingWidth});
   for (const auto& [x, y] : {std::pair{1, 1}, {-1, 1}, {-1, -1}, {1, -1}})
     plan.add_area({.name = std::string("pad ") + (y > 0 ? "north " : "south ") + (x > 0 ? "east" : "west"),

@@ -1,5 +1,7 @@
 #include "scenarios/armory_siege/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -369,17 +371,19 @@ Status check_resources(const LayoutTask& task) {
   const Siege siege{task.value("distance"), task.value("window"), task.value("core_health"),
                     task.value("difficulty")};
   if (wave_tics(siege.window) <= 0)
-    return Error{ErrorCode::kBadInput, "with window " + std::to_string(siege.window) +
-                                           " a wave (4 windows less 50 tics) has no time; give 13 at least"};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("with window {} a wave (4 windows less 50 tics) has no time; give 13 at least",
+                             siege.window)};
   const double killed = killed_share(siege, task.num_agents, task.limit_tics);
   const double published =
       killed_share({kDistance, kWindow, kCoreHealth, kDifficulty}, task.num_agents, task.limit_tics);
   if (killed >= kAsPublished * published) return {};
-  const auto percent = [](double share) { return std::to_string(std::lround(100 * share)) + " %"; };
-  return Error{ErrorCode::kBadInput,
-               "the shots and shells of " + std::to_string(task.num_agents) + " agents suffice for " +
-                   percent(killed) + " of the monsters before the core falls, on the default map for " +
-                   percent(published) + "; lower difficulty, change window, or take more agents"};
+  const auto percent = [](double share) { return fmt::format("{} %", std::lround(100 * share)); };
+  return Error{
+      ErrorCode::kBadInput,
+      fmt::format("the shots and shells of {} agents suffice for {} of the monsters before the core falls, "
+                  "on the default map for {}; lower difficulty, change window, or take more agents",
+                  task.num_agents, percent(killed), percent(published))};
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "scenarios/coop_health_gathering/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -237,11 +239,12 @@ Status check_resources(const LayoutTask& task) {
       kAsPublished * lowest_mean_health({kRadius, kDamage, kKitCap}, task.num_agents, task.limit_tics);
   if (lowest >= least) return {};
   const auto whole = [](double health) { return std::to_string(std::max<int64_t>(0, std::lround(health))); };
-  return Error{ErrorCode::kBadInput,
-               "the floor takes more than " + std::to_string(task.num_agents) +
-                   " agents can fetch: a team that loses no time falls to " + whole(lowest) +
-                   " health on average (" + whole(least) +
-                   " are needed); lower damage or radius, raise kit_cap, or take fewer agents"};
+  return Error{
+      ErrorCode::kBadInput,
+      fmt::format(
+          "the floor takes more than {} agents can fetch: a team that loses no time falls to {} health on "
+          "average ({} are needed); lower damage or radius, raise kit_cap, or take fewer agents",
+          task.num_agents, whole(lowest), whole(least))};
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "scenarios/coop_puzzle/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "scenarios/spec/variety.h"
@@ -90,9 +92,9 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                   .wall_texture = variety.wall[zone],
                   .light = variety.light[zone],
                   .tag = kFirstZoneTag + zone};
-    spec.name = "A" + std::to_string(zone);
+    spec.name = fmt::format("A{}", zone);
     lane_a.push_back(plan.add_area(spec, Box{{west, inner}, {east, inner + lane}}));
-    spec.name = "B" + std::to_string(zone);
+    spec.name = fmt::format("B{}", zone);
     lane_b.push_back(plan.add_area(spec, Box{{west, -inner - lane}, {east, -inner}}));
     plan.connect(lane_a.back(), lane_b.back(), Passage::window());
   }
@@ -115,9 +117,9 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                     .ceiling_texture = variety.ceiling[zone],
                     .wall_texture = "BIGDOOR2",
                     .light = variety.light[zone]};
-      door.name = "door A" + std::to_string(pair), door.tag = pair;
+      door.name = fmt::format("door A{}", pair), door.tag = pair;
       const AreaId a = plan.add_door(door, Box{{east - kDoorThickness, inner}, {east, inner + lane}});
-      door.name = "door B" + std::to_string(pair), door.tag = pair + kLaneBDoorTag;
+      door.name = fmt::format("door B{}", pair), door.tag = pair + kLaneBDoorTag;
       const AreaId b = plan.add_door(door, Box{{east - kDoorThickness, -inner - lane}, {east, -inner}});
       // Solid: a door opens to the lowest ceiling beside it, which a shut neighbour would hold down.
       plan.connect(a, b, Passage::solid());
@@ -128,7 +130,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
         const Point centre = variety.plate[zone][is_a ? 0 : 1][j];
         const auto index = static_cast<int32_t>(j);
         const int32_t tag = is_sync ? kFirstSyncTag + zone : zone * 1000 + (is_a ? 1 : 101) + index;
-        plan.add_area({.name = "plate " + std::to_string(tag) + (is_a ? " A" : " B"),
+        plan.add_area({.name = fmt::format("plate {}{}", tag, (is_a ? " A" : " B")),
                        .floor_texture = !is_sync ? plain
                                         : is_a   ? colour_a
                                                  : colour_b,

@@ -1,4 +1,4 @@
-// The scripted team of Co-op Puzzle: whoever has the lit plate stands on it until the partner is through.
+// The scripted team of Co-op Puzzle: the agent with the lit plate stands on it until the partner is through.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,5 +1,7 @@
 #include "scenarios/foraging_commons/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 
@@ -115,12 +117,13 @@ Status check_resources(const LayoutTask& task) {
   const double cleaning =
       cleanups * (value("cleanup_tics") + kStepOut + static_cast<double>(way) / kWalk / kCleanupsOfAVisit);
   const auto percent = [](double part, double whole) {
-    return std::to_string(static_cast<int64_t>(std::min(100.0 * part / whole, 1e6))) + " %";
+    return fmt::format("{} %", static_cast<int64_t>(std::min(100.0 * part / whole, 1e6)));
   };
   if (eaten > grown)
-    return Error{ErrorCode::kBadInput, "they need " + percent(eaten, grown) +
-                                           " of the bonuses that they can get while the rate is " +
-                                           std::to_string(static_cast<int>(kKeptRate)) + "; lower drain"};
+    return Error{
+        ErrorCode::kBadInput,
+        fmt::format("they need {} of the bonuses that they can get while the rate is {}; lower drain",
+                    percent(eaten, grown), static_cast<int>(kKeptRate))};
   if (eating + cleaning <= task.num_agents && cleaning <= kMostCleaning * task.num_agents) return {};
   return Error{ErrorCode::kBadInput, "eating takes " + percent(eating, task.num_agents) +
                                          " of their time and cleaning " + percent(cleaning, task.num_agents) +

@@ -18,7 +18,7 @@ namespace {
 constexpr int kTiredRate = 62, kSpentRate = 45, kBareRate = 35, kFreshRate = 92;
 constexpr int kLittle = 16;  // bonuses
 constexpr int kFull = 196;   // more would be wasted
-constexpr int kHungry = 50;  // whoever has less than this does not clean
+constexpr int kHungry = 50;  // an agent with less does not clean
 constexpr int kMostHealth = 200, kHeal = 2;
 constexpr double kHeap = 40;     // bonuses so near to each other are taken together
 constexpr double kTurn = 80;     // units that a turn costs

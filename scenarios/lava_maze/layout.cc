@@ -1,5 +1,7 @@
 #include "scenarios/lava_maze/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 
@@ -131,7 +133,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   for (int32_t cell = 0; cell < side * side; ++cell) {
     const Point low{-half + cell % side * kCell, -half + cell / side * kCell};
     const bool is_rock = variety.rocks[cell] != 0;
-    plan.add_area({.name = "cell " + std::to_string(cell),
+    plan.add_area({.name = fmt::format("cell {}", cell),
                    .floor = is_rock ? kRockHeight : lava_floor,
                    .ceiling = kTall,
                    .floor_texture = is_rock ? "RROCK10" : "LAVA1",

@@ -1,5 +1,7 @@
 #include "scenarios/lava_pit/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -174,7 +176,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                 sea.grown(kSea));
   for (int i = 0; i < count; ++i) {
     const bool goal = i + 1 == count;
-    plan.add_area({.name = "platform " + std::to_string(i + 1),
+    plan.add_area({.name = fmt::format("platform {}", i + 1),
                    .ceiling = kCeiling,
                    .floor_texture = goal ? "CEIL5_2" : "FLOOR5_1",
                    .ceiling_texture = "CEIL5_2",
@@ -195,11 +197,11 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
     for (const Platform* end : {&a, &b}) {
       const int32_t way = std::min(bridges.back().high.y, end->box().high.y) -
                           std::max(bridges.back().low.y, end->box().low.y);
-      if (way < kWayMin) return refused("bridge " + std::to_string(i + 1) + " hardly touches its platform");
+      if (way < kWayMin) return refused(fmt::format("bridge {} hardly touches its platform", i + 1));
     }
     if (b.box().low.x - a.box().high.x < kGapMin)
-      return refused("gap " + std::to_string(i + 1) + " could be leapt over");
-    plan.add_area({.name = "bridge " + std::to_string(i + 1),
+      return refused(fmt::format("gap {} could be leapt over", i + 1));
+    plan.add_area({.name = fmt::format("bridge {}", i + 1),
                    .floor = kDepth,
                    .ceiling = kCeiling,
                    .floor_texture = "LAVA1",
@@ -242,9 +244,8 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
         const Box field = p.box().grown(-8);
         if (plate.low.x < field.low.x || plate.low.y < field.low.y || plate.high.x > field.high.x ||
             plate.high.y > field.high.y || (green ? plate.low.x < p.centre.x : plate.high.x > p.centre.x))
-          return refused("a plate does not lie on its half of platform " + std::to_string(i + 1));
-        const std::string name =
-            std::string(green ? "green " : "red ") + std::to_string(i + 1) + "." + std::to_string(v + 1);
+          return refused(fmt::format("a plate does not lie on its half of platform {}", i + 1));
+        const std::string name = fmt::format("{}{}.{}", green ? "green " : "red ", i + 1, v + 1);
         plan.add_area({.name = name,
                        .ceiling = kCeiling,
                        .floor_texture = !green && i + 2 == count ? "CEIL5_2" : "FLOOR5_1",

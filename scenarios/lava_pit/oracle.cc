@@ -1,4 +1,4 @@
-// The scripted team of Lava Pit: at every bridge whoever is nearer to the green plate holds it, the other
+// The scripted team of Lava Pit: at every bridge the agent nearer to the green plate holds it, the other
 // crosses and holds the red one, the first one follows.
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,7 @@
 #include "scenarios/platform_chain/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 
@@ -112,7 +114,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                  .tag = kLavaTag},
                 variety.basin);
   for (int32_t i = 0; i < levels; ++i)
-    plan.add_area({.name = "platform " + std::to_string(i),
+    plan.add_area({.name = fmt::format("platform {}", i),
                    .floor = rise * i,
                    .ceiling = kCeiling,
                    .floor_texture = variety.floor,
@@ -130,7 +132,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                                        {std::max(a.x, b.x) - kSize / 2, a.y + kBridgeWidth / 2}}
                                  : Box{{a.x - kBridgeWidth / 2, a.y + kSize / 2},
                                        {a.x + kBridgeWidth / 2, b.y - kSize / 2}};
-    plan.add_area({.name = "bridge " + std::to_string(i),
+    plan.add_area({.name = fmt::format("bridge {}", i),
                    .floor = rise * i + kBridgeRise,
                    .ceiling = kCeiling,
                    .floor_texture = "STEP1",

@@ -1,5 +1,7 @@
 #include "scenarios/rhythm_sync/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "doomgen/layout/picture.h"
@@ -113,9 +115,9 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                   .wall_texture = "DOORTRAK",
                   .upper_texture = "BIGDOOR2",
                   .lines = {.lower_unpegged = true}};
-    door.name = "door A" + std::to_string(i), door.tag = kFirstDoorTagA + i;
+    door.name = fmt::format("door A{}", i), door.tag = kFirstDoorTagA + i;
     const AreaId a = plan.add_door(door, Box{{east - kDoorThickness, 0}, {east, height}});
-    door.name = "door B" + std::to_string(i), door.tag = kFirstDoorTagB + i;
+    door.name = fmt::format("door B{}", i), door.tag = kFirstDoorTagB + i;
     const AreaId b = plan.add_door(door, Box{{east - kDoorThickness, -height}, {east, 0}});
     plan.connect(a, b, Passage::solid());
     door_tags.push_back(kFirstDoorTagA + i), door_tags.push_back(kFirstDoorTagB + i);

@@ -1,5 +1,7 @@
 #include "scenarios/smart_enemies/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -143,8 +145,8 @@ Expected<DrawnLayout> draw_arena(const LayoutDraw& draw) {
     plan.add_spot(kFirstSpotId + found++, *spot, 45 * spots.between(0, 7));
   }
   if (found < kSpotCount)
-    return Error{ErrorCode::kBadInput, "there is room for " + std::to_string(found) + " spots of " +
-                                           std::to_string(kSpotCount) + " that a demon can leave"};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("there is room for {} spots of {} that a demon can leave", found, kSpotCount)};
   COMRAD_TRY_ASSIGN(doomgen::MapData map, plan.build());
   COMRAD_TRY(doomgen::check_starts(map, 4));
   return DrawnLayout{.map = std::move(map), .defines = {{"SPOT_COUNT", kSpotCount}}};
@@ -190,16 +192,16 @@ double Hunt::caught_share() const {
 
 Status check_hunt(const LayoutTask& task, const Hunt& hunt, const Hunt& published) {
   constexpr double kAsPublished = 0.9;  // of the share that is caught on the default map
-  const auto percent = [](double share) { return std::to_string(std::lround(100 * share)) + " %"; };
+  const auto percent = [](double share) { return fmt::format("{} %", std::lround(100 * share)); };
   const int64_t floor = kHit * (task.limit_tics / kHitTics);
   const int64_t needed = (floor - kStartHealth) / kKillHealth + 1, demons = came(task, task.limit_tics - 1);
   const double caught = hunt.caught_share();
   if (caught * static_cast<double>(demons) < static_cast<double>(needed))
-    return Error{ErrorCode::kBadInput,
-                 "the floor takes " + std::to_string(floor) + " health in all, so that " +
-                     std::to_string(needed) + " demons must be killed; " + std::to_string(demons) +
-                     " come, and of those " + percent(caught) +
-                     " can be caught; lower interval or radius, or raise cap or proximity"};
+    return Error{
+        ErrorCode::kBadInput,
+        fmt::format("the floor takes {} health in all, so that {} demons must be killed; {} come, and of "
+                    "those {} can be caught; lower interval or radius, or raise cap or proximity",
+                    floor, needed, demons, percent(caught))};
   if (caught < kAsPublished * published.caught_share())
     return Error{ErrorCode::kBadInput, "of the demons that come " + percent(caught) +
                                            " can be caught, on the default map " +

@@ -1,5 +1,7 @@
 #include "scenarios/spec/action_heads.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "rollout_buffer/core/text.h"
@@ -110,10 +112,10 @@ std::vector<ActionHead> heads_of_buttons(const std::vector<std::string>& button_
 
 Status change_heads(ScenarioSpec& spec, const std::string& text) {
   const auto too_many = [](const std::string& whose, std::size_t count) {
-    return Error{ErrorCode::kUnsupported, whose + " make " + std::to_string(count) +
-                                              " action heads, and an agent has " + std::to_string(kMaxHeads) +
-                                              " at most; name those that it may use, as in "
-                                              "--heads \"MOVE_LEFT,MOVE_RIGHT;ATTACK\""};
+    return Error{ErrorCode::kUnsupported,
+                 fmt::format("{} make {} action heads, and an agent has {} at most; name those that it may "
+                             "use, as in --heads \"MOVE_LEFT,MOVE_RIGHT;ATTACK\"",
+                             whose, count, kMaxHeads)};
   };
   if (text.empty())
     return spec.heads.size() > kMaxHeads ? Status(too_many("the buttons of " + spec.name, spec.heads.size()))
@@ -145,7 +147,7 @@ Status change_heads(ScenarioSpec& spec, const std::string& text) {
       head.buttons.push_back(choice);
     }
     if (head.buttons.size() > kMostChoices)
-      return refuse("a head has " + std::to_string(kMostChoices) + " buttons at most");
+      return refuse(fmt::format("a head has {} buttons at most", kMostChoices));
   }
   if (heads.size() > kMaxHeads) return too_many("these", heads.size());
   spec.heads = std::move(heads);

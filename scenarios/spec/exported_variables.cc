@@ -1,5 +1,7 @@
 #include "scenarios/spec/exported_variables.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <map>
 
@@ -31,7 +33,7 @@ std::vector<ExportedVariable> exported_variables(const ScenarioSpec& spec, int n
   note(exported, spec.score_divisor, 0, num_agents, "score_divisor");
   for (std::size_t i = 0; i < spec.measurements.size(); ++i)
     note(exported, spec.measurements[i].variable, spec.measurements[i].agent_stride, num_agents,
-         "measurement " + std::to_string(i));
+         fmt::format("measurement {}", i));
   for (const RewardTerm& term : spec.rewards) {
     note(exported, term.variable, term.agent_stride, num_agents, term.name);
     note(exported, term.when, 0, num_agents, term.name);

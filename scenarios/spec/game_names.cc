@@ -1,5 +1,7 @@
 #include "scenarios/spec/game_names.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <charconv>
 #include <cmath>
 #include <utility>
@@ -168,7 +170,7 @@ std::optional<GameVariable> find_term_variable(std::string_view name) {
 std::vector<std::string> button_names() {
   std::vector<std::string> names;
   for (const auto& [name, kind] : kButtons) names.emplace_back(name);
-  for (int slot = 0; slot <= 9; ++slot) names.push_back(std::string(kSelectWeapon) + std::to_string(slot));
+  for (int slot = 0; slot <= 9; ++slot) names.push_back(fmt::format("{}{}", kSelectWeapon, slot));
   return names;
 }
 
@@ -177,7 +179,7 @@ std::vector<std::string> variable_names() {
   for (const auto& [name, kind] : kVariables) names.emplace_back(name);
   for (const NumberedVariable& numbered : kNumbered)
     for (int index = numbered.low; index <= numbered.high; ++index)
-      names.push_back(std::string(numbered.prefix) + std::to_string(index) + std::string(numbered.suffix));
+      names.push_back(fmt::format("{}{}{}", numbered.prefix, index, numbered.suffix));
   return names;
 }
 

@@ -1,5 +1,7 @@
 #include "scenarios/spec/layout_content.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -195,8 +197,7 @@ std::string distinct_maps_text(const DistinctMaps& maps) {
     case DistinctMaps::Kind::kAll:
       return count + maps_of + " (all there are: " + draws + " draws gave each one several times)";
     case DistinctMaps::Kind::kEstimate:
-      return "about " + count + maps_of + " (estimate: " + draws + " draws gave " +
-             std::to_string(maps.distinct) + ")";
+      return fmt::format("about {}{} (estimate: {} draws gave {})", count, maps_of, draws, maps.distinct);
     case DistinctMaps::Kind::kAtLeast:
       return "at least " + count + maps_of + " (95 % confidence: " + draws + " draws, all different)";
   }

@@ -1,5 +1,7 @@
 #include "scenarios/spec/layout_info.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <toml++/toml.h>
 
 #include <charconv>
@@ -22,15 +24,15 @@ Error bad(const std::string& what) {
 }  // namespace
 
 std::string write_layout_info(const LayoutInfo& info) {
-  std::string text = "format = " + std::to_string(kFormat) + "\nscenario = \"" + info.scenario + "\"\n" +
-                     (info.version == 1 ? "" : "version = " + std::to_string(info.version) + "\n") +
-                     "seed = " + std::to_string(static_cast<int64_t>(info.seed)) +
-                     "\nattempt = " + std::to_string(info.attempt) + "\n\n[parameters]\n";
-  for (const auto& [name, value] : info.parameters) text += name + " = " + std::to_string(value) + "\n";
+  std::string text =
+      fmt::format("format = {}\nscenario = \"{}\"\n{}seed = {}\nattempt = {}\n\n[parameters]\n", kFormat,
+                  info.scenario, (info.version == 1 ? "" : fmt::format("version = {}\n", info.version)),
+                  static_cast<int64_t>(info.seed), info.attempt);
+  for (const auto& [name, value] : info.parameters) text += fmt::format("{} = {}\n", name, value);
   if (info.ceiling.empty()) return text;
   text += "\n[ceiling]\n";
   for (const auto& [agents, ceiling] : info.ceiling)
-    text += std::to_string(agents) + " = " + real_text(ceiling) + "\n";
+    text += fmt::format("{} = {}\n", agents, real_text(ceiling));
   return text;
 }
 
@@ -48,7 +50,7 @@ Expected<LayoutInfo> parse_layout_info(std::string_view text) {
   LayoutInfo info;
   try {  // toml++ throws; nothing of it leaves this function
     const toml::table table = toml::parse(text);
-    if (table["format"].value<int64_t>() != kFormat) return bad("format is not " + std::to_string(kFormat));
+    if (table["format"].value<int64_t>() != kFormat) return bad(fmt::format("format is not {}", kFormat));
     const auto scenario = table["scenario"].value<std::string>();
     const auto seed = table["seed"].value<int64_t>();
     const auto attempt = table["attempt"].value<int64_t>();
@@ -78,8 +80,8 @@ Expected<LayoutInfo> parse_layout_info(std::string_view text) {
         info.ceiling[agents] = *number;
       }
   } catch (const toml::parse_error& error) {
-    return bad("line " + std::to_string(error.source().begin.line) + ", column " +
-               std::to_string(error.source().begin.column) + ": " + std::string(error.description()));
+    return bad(fmt::format("line {}, column {}: {}", error.source().begin.line, error.source().begin.column,
+                           error.description()));
   }
   return info;
 }

@@ -1,5 +1,7 @@
 #include "scenarios/spec/layout_pool.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
@@ -69,7 +71,7 @@ LayoutRequest request_of_seed(const std::string& scenario, const LayoutRecipe& r
     for (const auto& [name, value] : option) {
       if (is_set(name)) continue;
       one.parameters.emplace_back(name, std::to_string(value));
-      choice += (choice.empty() ? "" : " ") + std::string(name) + "=" + std::to_string(value);
+      choice += fmt::format("{}{}={}", (choice.empty() ? "" : " "), name, value);
     }
     if (choices != nullptr && !choice.empty()) choices->emplace_back(axis.name, choice);
   }
@@ -88,14 +90,12 @@ Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const
   std::vector<std::string> names;
   for (const LayoutParameter& parameter : recipe.parameters) names.push_back(parameter.name);
   return Error{ErrorCode::kBadInput,
-               "scenario " + scenario + ": " + std::to_string(request.count) + " layouts for " +
-                   (for_evaluation ? "evaluation" : "training") + " were requested, but " +
-                   std::to_string(tally.draws) + " draws gave only " + std::to_string(found) +
-                   " distinct ones (" + std::to_string(tally.other_pool) + " draws belong to " +
-                   (for_evaluation ? "training" : "evaluation") + ", " + std::to_string(tally.repeated) +
-                   " were repetitions). For more, " + (more.empty() ? "" : more + ", or ") +
-                   "give other values with --set NAME=VALUE: " + joined(names) +
-                   "; or draw fewer with --count"};
+               fmt::format("scenario {}: {} layouts for {} were requested, but {} draws gave only {} "
+                           "distinct ones ({} draws belong to {}, {} were repetitions). For more, {}give "
+                           "other values with --set NAME=VALUE: {}; or draw fewer with --count",
+                           scenario, request.count, (for_evaluation ? "evaluation" : "training"), tally.draws,
+                           found, tally.other_pool, (for_evaluation ? "training" : "evaluation"),
+                           tally.repeated, (more.empty() ? "" : more + ", or "), joined(names))};
 }
 
 /// Makes a pool's folder without a registry, which is written when all files are there. Gives its path.
@@ -183,14 +183,13 @@ Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scen
   }
   for (int player = 1; player <= use.num_agents; ++player)
     if (!starts.contains(player))
-      return bad(ErrorCode::kBadInput, "has no start for player " + std::to_string(player) + " of " +
-                                           std::to_string(use.num_agents) +
-                                           "; draw the pool with --num_agents " +
-                                           std::to_string(use.num_agents));
+      return bad(ErrorCode::kBadInput,
+                 fmt::format("has no start for player {} of {}; draw the pool with --num_agents {}", player,
+                             use.num_agents, use.num_agents));
   if (!entry.info.ceiling.empty() && !entry.info.ceiling.contains(use.num_agents))
-    return bad(ErrorCode::kBadInput, "has not enough for " + std::to_string(use.num_agents) +
-                                         " agents to solve it; draw the pool with --num_agents " +
-                                         std::to_string(use.num_agents));
+    return bad(ErrorCode::kBadInput,
+               fmt::format("has not enough for {} agents to solve it; draw the pool with --num_agents {}",
+                           use.num_agents, use.num_agents));
   return {};
 }
 
@@ -261,9 +260,8 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
   }
   const int64_t end = std::min(product, request.start + std::min<int64_t>(request.limit, 100'000));
   if (request.start < 0 || request.start >= end)
-    return Error{ErrorCode::kBadInput, "the grid has " + std::to_string(product) +
-                                           " layouts; nothing is left from " + std::to_string(request.start) +
-                                           " on"};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("the grid has {} layouts; nothing is left from {} on", product, request.start)};
   COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
   ContentSplit split;
   if (request.for_training) {
@@ -279,12 +277,11 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
       const auto count = static_cast<int64_t>(axis->options.size());
       std::string choice;
       for (const auto& [name, value] : axis->options[static_cast<std::size_t>(rest % count)]) {
-        choice += (choice.empty() ? "" : " ") + name + "=" + std::to_string(value);
+        choice += fmt::format("{}{}={}", (choice.empty() ? "" : " "), name, value);
         if (name != "seed")
           one.parameters.emplace_back(name, std::to_string(value));
         else if (value < 0)
-          return Error{ErrorCode::kBadInput,
-                       "seed is " + std::to_string(value) + "; it must not be negative"};
+          return Error{ErrorCode::kBadInput, fmt::format("seed is {}; it must not be negative", value)};
         else
           one.seed = static_cast<uint64_t>(value);
       }
@@ -358,7 +355,7 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
                                            PoolTally* tally) {
   if (request.kind == PoolKind::kCurriculum) return make_curriculum_pool(scenario, request.layout, folder);
   if (request.count < 1 || request.count > 100'000)
-    return Error{ErrorCode::kBadInput, "a pool has 1..100000 layouts, not " + std::to_string(request.count)};
+    return Error{ErrorCode::kBadInput, fmt::format("a pool has 1..100000 layouts, not {}", request.count)};
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
   COMRAD_TRY_ASSIGN(const ContentSplit split, ContentSplit::of(scenario));
   COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
@@ -396,7 +393,7 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
       continue;
     }
     fruitless = -1;  // the loop counts on
-    entry.id = stem + "_" + std::to_string(one.seed);
+    entry.id = fmt::format("{}_{}", stem, one.seed);
     entry.filename = entry.id + ".wad";
     entry.content_hash = layout.content_hash;
     entry.map_hash = layout.map_hash;
@@ -415,7 +412,7 @@ Expected<DistinctMaps> count_distinct_maps(const std::string& scenario, const Po
                                            int draws) {
   if (draws < 2 || draws > 100'000)
     return Error{ErrorCode::kBadInput,
-                 "distinct maps are counted with 2..100000 draws, not " + std::to_string(draws)};
+                 fmt::format("distinct maps are counted with 2..100000 draws, not {}", draws)};
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
   SeedStream seeds(PoolKind::kTrain);
   std::vector<uint64_t> contents;
@@ -475,7 +472,7 @@ Expected<std::vector<PoolEntry>> read_pool(const std::string& folder) {
     if (!list.is_array()) return Error{ErrorCode::kBadFormat, registry + ": is no JSON list"};
     for (std::size_t i = 0; i < list.size(); ++i) {
       const Json& one = list[i];
-      const std::string where = registry + ": entry " + std::to_string(i);
+      const std::string where = fmt::format("{}: entry {}", registry, i);
       if (!one.is_object() || !one.contains("id") || !one["id"].is_string() || !one.contains("filename") ||
           !one["filename"].is_string())
         return Error{ErrorCode::kBadFormat, where + " needs the texts 'id' and 'filename'"};

@@ -1,3 +1,5 @@
+#include <spdlog/fmt/fmt.h>
+
 #include <toml++/toml.h>
 
 #include <algorithm>
@@ -30,7 +32,7 @@ Expected<ScenarioSpec> load_scenario(const std::string& name, int depth);
 
 /// Where a value stands, for messages.
 std::string place(const std::string& path, const toml::source_region& where) {
-  return path + ":" + std::to_string(where.begin.line) + ":" + std::to_string(where.begin.column);
+  return fmt::format("{}:{}:{}", path, where.begin.line, where.begin.column);
 }
 
 /// Reads one table key by key. finish() reports, in this order, an unknown key (it may be a misspelt one that
@@ -63,7 +65,7 @@ class TableReader {
     for (const ScenarioExport& one : exports) known.push_back(one.name);
     choice(key, value, known, is_required);
     for (const ScenarioExport& one : exports)
-      if (value == one.name) value = "USER" + std::to_string(one.user);
+      if (value == one.name) value = fmt::format("USER{}", one.user);
   }
   void words(const char* key, std::vector<std::string>& values, const std::vector<std::string>& known) {
     const toml::node* node = find(key);
@@ -255,9 +257,10 @@ void read_exports(std::string_view text, TableReader& root, ScenarioSpec& spec) 
                                          "' must be small letters, digits and _, a letter first, and neither "
                                          "'return' nor 'survival_tics'");
     if (!number || *number < 1 || *number > kUserVariables)
-      return root.fail(node.source(), "[exports]: '" + name + "' must be a whole number in 1.." +
-                                          std::to_string(kUserVariables) +
-                                          ": that of the script's global variable");
+      return root.fail(
+          node.source(),
+          fmt::format("[exports]: '{}' must be a whole number in 1..{}: that of the script's global variable",
+                      name, kUserVariables));
     spec.exports.push_back({name, static_cast<int>(*number), comment_behind(text, node.source()),
                             static_cast<int>(key.source().begin.line)});
   }
@@ -266,8 +269,8 @@ void read_exports(std::string_view text, TableReader& root, ScenarioSpec& spec) 
     if (const auto first = std::ranges::find(spec.exports.begin(), one, one->user, &ScenarioExport::user);
         first != one)
       return root.fail(exports->get(one->name)->source(),
-                       "[exports]: '" + one->name + "' is USER" + std::to_string(one->user) + ", as '" +
-                           first->name + "' in line " + std::to_string(first->line) + " is already");
+                       fmt::format("[exports]: '{}' is USER{}, as '{}' in line {} is already", one->name,
+                                   one->user, first->name, first->line));
 }
 
 /// A stride leads from one global of a script to the next agent's, within USER1..USER60 and the exports, where there are.
@@ -283,11 +286,11 @@ void read_stride(TableReader& reader, const char* key, const std::string& variab
   if (!known || known->kind != VariableKind::kUser) return;
   const int last = known->index + stride * (agents - 1);
   reader.require(stride > 0 && stride < kUserVariables && last <= kUserVariables, key,
-                 "positive, and the last of " + std::to_string(agents) + " agents must read USER60 at most");
+                 fmt::format("positive, and the last of {} agents must read USER60 at most", agents));
   if (spec.exports.empty() || stride <= 0) return;
   for (int user = known->index; user <= std::min(last, kUserVariables); user += stride)
     reader.require(std::ranges::count(spec.exports, user, &ScenarioExport::user) == 1, key,
-                   "a way from one export to the next: [exports] has no USER" + std::to_string(user));
+                   fmt::format("a way from one export to the next: [exports] has no USER{}", user));
 }
 
 Status read_masks(const std::string& path, TableReader& root, ScenarioSpec& spec) {
@@ -300,7 +303,7 @@ Status read_masks(const std::string& path, TableReader& root, ScenarioSpec& spec
     const bool head_is_there = term.head >= 0 && term.head < static_cast<int>(spec.heads.size());
     reader.require(head_is_there, "head", "the number of one of the [[heads]], from 0");
     reader.require(term.agent >= 0 && term.agent < kMaxAgents, "agent",
-                   "in 0.." + std::to_string(kMaxAgents - 1));
+                   fmt::format("in 0..{}", kMaxAgents - 1));
     std::vector<std::string> known{"none"};
     if (head_is_there)
       known.insert(known.end(), spec.heads[term.head].buttons.begin(), spec.heads[term.head].buttons.end());
@@ -448,7 +451,7 @@ void read_numbers(const std::string& path, TableReader& root, const char* key,
 Status check_globals(const ScenarioSpec& spec) {
   for (const NamedNumber& one : spec.globals)
     if (!spec.global_number(one.name)) {
-      std::vector<std::string> names{"USER1 to USER" + std::to_string(kUserVariables)};
+      std::vector<std::string> names{fmt::format("USER1 to USER{}", kUserVariables)};
       for (const ScenarioExport& exported : spec.exports) names.push_back(exported.name);
       return Error{ErrorCode::kBadFormat,
                    one.where + ": [globals]: " + unknown_word("global variable", one.name, names)};
@@ -481,14 +484,14 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
       "given with a 'ceiling' (0: not known): the score is the return, and the base's ceiling "
       "does not hold for other rewards");
   root.require(!spec.heads.empty() && spec.heads.size() <= kMaxHeads, "heads",
-               "1 to " + std::to_string(kMaxHeads) + " tables [[heads]]");
+               fmt::format("1 to {} tables [[heads]]", kMaxHeads));
   root.require(spec.version >= 1 && spec.version <= 1000, "version", "in 1..1000");
   root.require(spec.decision_limit > 0 && spec.decision_limit <= 1'000'000, "decision_limit",
                "in 1..1000000");
   root.require(!spec.supported_agents.empty() &&
                    std::all_of(spec.supported_agents.begin(), spec.supported_agents.end(),
                                [](int n) { return n >= 1 && n <= kMaxAgents; }),
-               "supported_agents", "a list of numbers in 1.." + std::to_string(kMaxAgents));
+               "supported_agents", fmt::format("a list of numbers in 1..{}", kMaxAgents));
   root.require(
       std::count(spec.supported_agents.begin(), spec.supported_agents.end(), spec.default_agents) == 1,
       "default_agents", "one of supported_agents");
@@ -515,8 +518,9 @@ Expected<std::optional<ScenarioSpec>> read_base(const std::string& path, const t
   };
   if (!node->is_string()) return refuse("must be the name of a scenario, or the path of its folder");
   if (depth >= kMostBases)
-    return refuse("leads from scenario to scenario more than " + std::to_string(kMostBases) +
-                  " times; take one out, they may lead in a circle");
+    return refuse(fmt::format(
+        "leads from scenario to scenario more than {} times; take one out, they may lead in a circle",
+        kMostBases));
   std::string base = *node->value<std::string>();
   std::error_code ignored;
   if (base.find('/') != std::string::npos)
@@ -643,9 +647,8 @@ Expected<ScenarioSpec> load_scenario(const std::string& full_name, int depth) {
     const toml::table table = toml::parse(text, path);
     return read_spec(path, name, text, table, depth, std::move(base));
   } catch (const toml::parse_error& error) {
-    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(error.source().begin.line) + ":" +
-                                            std::to_string(error.source().begin.column) + ": " +
-                                            std::string(error.description())};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}:{}: {}", path, error.source().begin.line,
+                                                    error.source().begin.column, error.description())};
   }
 }
 

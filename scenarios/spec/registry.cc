@@ -1,5 +1,7 @@
 #include "scenarios/spec/registry.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <map>
@@ -84,10 +86,8 @@ Expected<ParameterValues> parameter_values(const ScenarioSpec& spec, const Layou
   for (const LayoutParameter& parameter : recipe.parameters) {
     const int64_t value = values[parameter.name];
     if (value < parameter.low || value > parameter.high)
-      return Error{ErrorCode::kBadInput, "layout parameter " + std::string(parameter.name) + " is " +
-                                             std::to_string(value) + "; it must lie in " +
-                                             std::to_string(parameter.low) + ".." +
-                                             std::to_string(parameter.high)};
+      return Error{ErrorCode::kBadInput, fmt::format("layout parameter {} is {}; it must lie in {}..{}",
+                                                     parameter.name, value, parameter.low, parameter.high)};
   }
   return values;
 }
@@ -114,9 +114,8 @@ Status check_task(const ScenarioSpec& spec, const LayoutRecipe& recipe, const Pa
   const LayoutTask task{values, num_agents > 0 ? num_agents : spec.default_agents, spec.limit_tics()};
   const Status enough = recipe.check_resources(task);
   if (enough) return {};
-  return Error{ErrorCode::kUnsupported, "scenario " + spec.name + " cannot be solved by " +
-                                            std::to_string(task.num_agents) +
-                                            " agents: " + enough.error().message};
+  return Error{ErrorCode::kUnsupported, fmt::format("scenario {} cannot be solved by {} agents: {}",
+                                                    spec.name, task.num_agents, enough.error().message)};
 }
 
 int start_count(const doomgen::MapData& map) {
@@ -249,15 +248,15 @@ Status check_resources(const std::string& scenario, const LayoutRequest& request
 std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout) {
   std::string text = kLayoutScriptHead + info.scenario + ", made by comrad doomgen.\n";
   const auto define = [&](const std::string& name, int64_t value) {
-    text += "#define " + name + " " + std::to_string(value) + "\n";
+    text += fmt::format("#define {} {}\n", name, value);
   };
   define("LAYOUT_SEED", static_cast<int64_t>(info.seed & 0x7FFFFFFF));
   define("LAYOUT_PLAYERS", start_count(layout.map));
   for (const auto& [name, value] : info.parameters) define("PARAM_" + upper_case(name), value);
   for (const auto& [name, value] : layout.defines) define(name, value);
   for (const auto& [name, values] : layout.arrays) {
-    text += "int " + name + "[" + std::to_string(std::max<std::size_t>(1, values.size())) + "] = {" +
-            (values.empty() ? "0" : joined(values)) + "};\n";
+    text += fmt::format("int {}[{}] = {{{}}};\n", name, std::max<std::size_t>(1, values.size()),
+                        (values.empty() ? "0" : joined(values)));
   }
   return text;
 }
@@ -296,20 +295,19 @@ Expected<GeneratedLayout> generate_layout(const std::string& named, const Layout
     const Expected<DrawnLayout> drawn =
         recipe.draw({seed, values, RngKey(seed).split(scenario), request.num_agents});
     if (!drawn) {
-      layout.refusals.push_back("seed " + std::to_string(seed) + ": " + drawn.error().message);
+      layout.refusals.push_back(fmt::format("seed {}: {}", seed, drawn.error().message));
       only_room_lacks = false;
       continue;
     }
     if (drawn->most_agents > 0 && drawn->most_agents < team) {
-      layout.refusals.push_back("seed " + std::to_string(seed) + ": " + scenario + ": there is room for " +
-                                std::to_string(drawn->most_agents) + " agents, not for " +
-                                std::to_string(team));
+      layout.refusals.push_back(fmt::format("seed {}: {}: there is room for {} agents, not for {}", seed,
+                                            scenario, drawn->most_agents, team));
       continue;
     }
     if (const int starts = start_count(drawn->map); starts < request.num_agents)
-      return Error{ErrorCode::kBadInput, "scenario " + scenario + ": its map has starts for " +
-                                             std::to_string(starts) + " players, not for " +
-                                             std::to_string(request.num_agents)};
+      return Error{ErrorCode::kBadInput,
+                   fmt::format("scenario {}: its map has starts for {} players, not for {}", scenario, starts,
+                               request.num_agents)};
     layout.info = {
         request.as.empty() ? scenario : request.as, request.seed, spec.version, attempt, values,
         // Another scenario pays for something else: its own ceiling holds.
@@ -320,10 +318,11 @@ Expected<GeneratedLayout> generate_layout(const std::string& named, const Layout
     COMRAD_TRY(write_wad(spec, request, *drawn, layout));
     return layout;
   }
-  return Error{only_room_lacks ? ErrorCode::kUnsupported : ErrorCode::kBadInput,
-               "scenario " + scenario + ": none of " + std::to_string(kAttempts) + " attempts from seed " +
-                   std::to_string(request.seed) + " gave a valid map; the last one failed because " +
-                   layout.refusals.back()};
+  return Error{
+      only_room_lacks ? ErrorCode::kUnsupported : ErrorCode::kBadInput,
+      fmt::format(
+          "scenario {}: none of {} attempts from seed {} gave a valid map; the last one failed because {}",
+          scenario, kAttempts, request.seed, layout.refusals.back())};
 }
 
 }  // namespace comrad::scenarios

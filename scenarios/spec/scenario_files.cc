@@ -1,5 +1,7 @@
 #include "scenarios/spec/scenario_files.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
@@ -50,7 +52,7 @@ Expected<std::string> read_scenario_file(const std::string& path, std::size_t mo
   while (file.read(block.data(), static_cast<std::streamsize>(block.size())), file.gcount() > 0) {
     text.append(block, 0, static_cast<std::size_t>(file.gcount()));
     if (text.size() > most_megabytes << 20)
-      return Error{ErrorCode::kBadFormat, path + ": longer than " + std::to_string(most_megabytes) + " MB"};
+      return Error{ErrorCode::kBadFormat, fmt::format("{}: longer than {} MB", path, most_megabytes)};
   }
   if (file.bad()) return Error{ErrorCode::kSystem, path + ": cannot be read"};
   return text;

@@ -1,5 +1,7 @@
 #include "scenarios/spec/script_build.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "scenarios/spec/scenario_files.h"
 
 #if defined(COMRAD_HAS_ACS_COMPILER)
@@ -11,7 +13,7 @@ namespace comrad::scenarios {
 namespace {
 
 std::string declaration(const ScenarioExport& one) {
-  return "global int " + std::to_string(one.user) + ":" + one.name + ";";
+  return fmt::format("global int {}:{};", one.user, one.name);
 }
 
 /// The declarations, each in the line of scenario.toml that requests it.

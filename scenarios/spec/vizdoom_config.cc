@@ -1,5 +1,7 @@
 #include "scenarios/spec/vizdoom_config.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -66,7 +68,7 @@ std::string shown(std::string_view text) {
 Expected<std::vector<Entry>> read_entries(std::string_view text, const std::string& path) {
   std::vector<Entry> entries;
   const auto error = [&](int line, const std::string& what) {
-    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(line) + ": " + what};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}: {}", path, line, what)};
   };
   int line_number = 0;
   bool in_list = false, awaits_value = false;  // a list may open on the line after its key
@@ -152,10 +154,10 @@ class ConfigReader {
 
  private:
   Error error(const Entry& entry, const std::string& what, ErrorCode code = ErrorCode::kBadInput) const {
-    return Error{code, config_->path + ":" + std::to_string(entry.line) + ": " + what};
+    return Error{code, fmt::format("{}:{}: {}", config_->path, entry.line, what)};
   }
   void warn(const Entry& entry, const std::string& what) {
-    config_->warnings.push_back(config_->path + ":" + std::to_string(entry.line) + ": " + what);
+    config_->warnings.push_back(fmt::format("{}:{}: {}", config_->path, entry.line, what));
   }
 
   std::string nearest_key(const std::string& key) const {
@@ -173,8 +175,8 @@ class ConfigReader {
     const std::string& text = entry.value;
     const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (code != std::errc() || end != text.data() + text.size() || value < low || value > high)
-      return error(entry, entry.key + " = " + shown(text) + "; it must be a whole number in " +
-                              std::to_string(low) + ".." + std::to_string(high));
+      return error(entry, fmt::format("{} = {}; it must be a whole number in {}..{}", entry.key, shown(text),
+                                      low, high));
     *target = value;
     return {};
   }
@@ -255,9 +257,9 @@ class ConfigReader {
     keys_.push_back({name, [=, this](const Entry& entry) -> Status {
                        COMRAD_TRY(read_flag(entry, target));
                        if (*target)
-                         config_->buffer_warnings.push_back(
-                             config_->path + ":" + std::to_string(entry.line) + ": " + name +
-                             " is not served here: Python's comrad.gym_env alone has this buffer");
+                         config_->buffer_warnings.push_back(fmt::format(
+                             "{}:{}: {} is not served here: Python's comrad.gym_env alone has this buffer",
+                             config_->path, entry.line, name));
                        return {};
                      }});
   }
@@ -347,9 +349,9 @@ class ConfigReader {
                        config_->buffers.gray = format == "GRAY8";
                        if (config_->buffers.gray)
                          config_->buffer_warnings.push_back(
-                             config_->path + ":" + std::to_string(entry.line) +
-                             ": screen_format = GRAY8 is not served here, and pictures are RGB24: Python's "
-                             "comrad.gym_env alone has gray ones");
+                             fmt::format("{}:{}: screen_format = GRAY8 is not served here, and pictures are "
+                                         "RGB24: Python's comrad.gym_env alone has gray ones",
+                                         config_->path, entry.line));
                        return {};
                      }});
     keys_.push_back({"automap_mode", [this](const Entry& entry) -> Status {
@@ -481,8 +483,8 @@ class ConfigReader {
         int count = 0;
         const auto [end, code] = std::from_chars(players.data(), players.data() + players.size(), count);
         if (code != std::errc() || end != players.data() + players.size() || count < 1 || count > kMaxAgents)
-          return error(entry, "game_args: -host " + shown(players) + "; the number of players must be 1 to " +
-                                  std::to_string(kMaxAgents));
+          return error(entry, fmt::format("game_args: -host {}; the number of players must be 1 to {}",
+                                          shown(players), kMaxAgents));
         config_->host_count = count;
         rules.network_game = true;
       } else if (word[0] == '+' && word.size() > 1) {

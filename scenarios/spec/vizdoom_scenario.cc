@@ -1,5 +1,7 @@
 #include "scenarios/spec/vizdoom_scenario.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <filesystem>
 
@@ -20,7 +22,7 @@ constexpr int kLongestTimeoutTics = 100'000'000;  ///< 33 days
 constexpr const char* kDebianGames = "/usr/share/games/doom/";
 
 std::string at_line(const VizdoomConfig& config, int line) {
-  return config.path + (line > 0 ? ":" + std::to_string(line) : "") + ": ";
+  return config.path + (line > 0 ? fmt::format(":{}", line) : "") + ": ";
 }
 
 /// About what a variable reaches, for a network.
@@ -142,9 +144,9 @@ Status find_map(const VizdoomConfig& config, const std::string& path, ScenarioSp
         where + path + " " + spec.map + " has no start: put a thing 1 (player 1) or 11 (deathmatch) on it"};
   for (int agents = 1; agents <= *players; ++agents) spec.supported_agents.push_back(agents);
   if (config.host_count > *players)
-    return Error{ErrorCode::kUnsupported, config.path + ": game_args: -host " +
-                                              std::to_string(config.host_count) + ", but " + path + " " +
-                                              spec.map + " has starts for " + std::to_string(*players)};
+    return Error{ErrorCode::kUnsupported,
+                 fmt::format("{}: game_args: -host {}, but {} {} has starts for {}", config.path,
+                             config.host_count, path, spec.map, *players)};
   return {};
 }
 

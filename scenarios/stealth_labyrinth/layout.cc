@@ -1,5 +1,7 @@
 #include "scenarios/stealth_labyrinth/layout.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <string>
@@ -106,12 +108,10 @@ Status check_bullets(int64_t health, int64_t turrets) {
   constexpr int64_t kHits = 85;  // of 100 bullets
   const int64_t hits = (3 * health + 10 * turrets) / 30;
   if (100 * hits <= kHits * kBullets) return {};
-  return Error{ErrorCode::kBadInput, std::to_string(turrets) + " turrets of " + std::to_string(health) +
-                                         " health in all take " + std::to_string(hits) +
-                                         " hits, and of the gunner's " + std::to_string(kBullets) +
-                                         " bullets " + std::to_string(kHits) +
-                                         " % hit; lower health, first_health, turrets_low, turrets_high, "
-                                         "rooms or branches"};
+  return Error{ErrorCode::kBadInput,
+               fmt::format("{} turrets of {} health in all take {} hits, and of the gunner's {} bullets {} % "
+                           "hit; lower health, first_health, turrets_low, turrets_high, rooms or branches",
+                           turrets, health, hits, kBullets, kHits)};
 }
 
 /// With as few turrets as may be drawn; draw_layout() looks at those that were.
@@ -162,8 +162,7 @@ struct Areas {
 Status check(const Plan& plan, const doomgen::MapData& map, Point start) {
   const doomgen::Reachability walk(map, std::span(&start, 1));
   for (const Room& room : plan.rooms) {
-    const std::string name =
-        "room " + std::to_string(room.index) + " of branch " + std::to_string(room.branch);
+    const std::string name = fmt::format("room {} of branch {}", room.index, room.branch);
     if (!walk.reaches(room.centre))
       return Error{ErrorCode::kBadInput, "stealth_labyrinth: " + name + " is cut off"};
     const doomgen::Region inside{room.box.polygon(), {}};
@@ -209,8 +208,8 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
   for (std::size_t i = 0; i < where.rooms.size(); ++i) {
     const Room& room = where.rooms[i];
     const auto number = static_cast<int32_t>(i);
-    area("room " + std::to_string(i), kFirstRoomTag + number, room.box, "FLOOR5_2", "METAL1");
-    area("corridor " + std::to_string(i), kFirstCorridorTag + number, room.corridor, "FLOOR4_8", "METAL1");
+    area(fmt::format("room {}", i), kFirstRoomTag + number, room.box, "FLOOR5_2", "METAL1");
+    area(fmt::format("corridor {}", i), kFirstCorridorTag + number, room.corridor, "FLOOR4_8", "METAL1");
     areas.add(kFirstRoomTag + number, kRoomLight, room.box, kRoomMargin);
     areas.add(kFirstCorridorTag + number, kCorridorLight, room.corridor, kRoomMargin);
     room_x.push_back(room.centre.x), room_y.push_back(room.centre.y), room_branch.push_back(room.branch);

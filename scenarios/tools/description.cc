@@ -1,5 +1,7 @@
 #include "scenarios/tools/description.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <map>
@@ -116,7 +118,7 @@ std::string variable_text(const std::string& variable, const ExportNames& names)
 std::string variable_text(const Json& term, const ExportNames& names) {
   const int stride = term["agent_stride"].get<int>();
   return variable_text(term["variable"].get<std::string>(), names) +
-         (stride == 0 ? "" : " + " + std::to_string(stride) + " for each agent");
+         (stride == 0 ? "" : fmt::format(" + {} for each agent", stride));
 }
 
 std::vector<std::string> reward_row(const Json& term, const ExportNames& names) {
@@ -144,8 +146,8 @@ Expected<Json> describe(const std::string& name, int num_agents, const std::stri
   COMRAD_TRY(change_heads(spec, heads));
   if (num_agents == 0) num_agents = spec.default_agents;
   if (std::count(spec.supported_agents.begin(), spec.supported_agents.end(), num_agents) == 0) {
-    return Error{ErrorCode::kBadInput, "scenario " + name + " is not for " + std::to_string(num_agents) +
-                                           " agents; num_agents may be " + joined(spec.supported_agents)};
+    return Error{ErrorCode::kBadInput, fmt::format("scenario {} is not for {} agents; num_agents may be {}",
+                                                   name, num_agents, joined(spec.supported_agents))};
   }
   const EnvShape shape = spec.shape(num_agents, /*use_measurements=*/true);
   Json head_sizes = Json::array(), head_buttons = Json::array(), training = Json::object();
@@ -156,7 +158,7 @@ Expected<Json> describe(const std::string& name, int num_agents, const std::stri
   for (const auto& [key, value] : spec.training.values) training[key] = value;
   Json exported = Json::array();
   for (const ExportedVariable& one : exported_variables(spec, num_agents))
-    exported.push_back({{"variable", "USER" + std::to_string(one.user)},
+    exported.push_back({{"variable", fmt::format("USER{}", one.user)},
                         {"name", one.name},
                         {"meaning", one.meaning},
                         {"read_by", one.read_by}});

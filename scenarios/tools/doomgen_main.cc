@@ -1,5 +1,6 @@
 // comrad-doomgen NAME --seed N -o FILE: draws one layout of a scenario and writes it as a WAD; --pool draws
 // many. comrad-doomgen show FILE|NAME: a map from above. comrad-doomgen check FOLDER: is a pool whole?
+#include <spdlog/fmt/fmt.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
@@ -33,7 +34,7 @@ std::string parameter_help() {
     text += "Layout parameters of " + name + " (--name value, or --set name=value):\n";
     const auto parameters = scenarios::layout_parameters(name);
     for (const scenarios::LayoutParameter& p : *parameters)
-      text += "  " + std::string(p.name) + " = " + std::to_string(p.default_value) + ": " + p.help + "\n";
+      text += fmt::format("  {} = {}: {}\n", p.name, p.default_value, p.help);
   }
   return text +
          "A map from above: comrad doomgen show FILE.wad|NAME [-o PICTURE.png]\n"
@@ -105,7 +106,7 @@ std::string distinct_words(const std::vector<scenarios::PoolEntry>& entries) {
   std::set<uint64_t> maps;
   for (const scenarios::PoolEntry& entry : entries) maps.insert(entry.map_hash);
   if (maps.contains(0)) return {};
-  return ", " + std::to_string(maps.size()) + (maps.size() == 1 ? " distinct map" : " distinct maps");
+  return fmt::format(", {}{}", maps.size(), (maps.size() == 1 ? " distinct map" : " distinct maps"));
 }
 
 Status check_folder(const std::string& folder, const scenarios::PoolUse& use, bool toml) {

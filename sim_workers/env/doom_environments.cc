@@ -1,3 +1,5 @@
+#include <spdlog/fmt/fmt.h>
+
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/env/doom_env.h"
 
@@ -32,7 +34,7 @@ Expected<std::unique_ptr<doom::Renderer>> make_renderer(const DoomGame& game,
 
 Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options) {
   if (options.count < 1 || options.count > 4096)
-    return bad_input("num_envs_per_worker is " + std::to_string(options.count) + "; it must lie in 1..4096");
+    return bad_input(fmt::format("num_envs_per_worker is {}; it must lie in 1..4096", options.count));
   COMRAD_TRY_ASSIGN(const ViewSize render_size, parse_view_size(options.render_size));
   const Resize filter = options.resize;
   if (filter == Resize::kNone && render_size != kObservationSize)

@@ -1,5 +1,7 @@
 #include "sim_workers/env/game_content.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <optional>
 #include <set>
 #include <span>
@@ -71,8 +73,8 @@ void warn_of_unknown_things(const doom::Level& level, const doom::ActorCatalog& 
     if (!is_place(thing.editor_number) && !catalog.find_editor_number(thing.editor_number))
       unknown.insert(thing.editor_number);
   for (const int32_t number : unknown)
-    warnings->push_back(label + ": nothing is known of things with editor number " + std::to_string(number) +
-                        "; they are left out");
+    warnings->push_back(fmt::format("{}: nothing is known of things with editor number {}; they are left out",
+                                    label, number));
 }
 
 }  // namespace

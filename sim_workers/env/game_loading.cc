@@ -1,5 +1,7 @@
 // From names to a game: scenario, WAD, level, actor types, rules. Everything that can be wrong about them is
 // an error here, and nothing is later.
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -66,8 +68,7 @@ Expected<std::shared_ptr<LayoutLibrary>> LayoutLibrary::create(const Environment
 
 Expected<std::shared_ptr<const DoomGame>> LayoutLibrary::game(int layout_index) {
   if (layout_index < 0 || layout_index >= size())
-    return bad_input("layout " + std::to_string(layout_index) + " was requested; the pool has " +
-                     std::to_string(size()));
+    return bad_input(fmt::format("layout {} was requested; the pool has {}", layout_index, size()));
   ++clock_;
   if (const auto kept = games_.find(layout_index); kept != games_.end()) {
     kept->second.asked = clock_;
@@ -108,10 +109,10 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   COMRAD_TRY(scenarios::change_heads(game->spec, options.heads));
   const std::vector<int>& supported = game->spec.supported_agents;
   if (std::count(supported.begin(), supported.end(), options.num_agents) == 0)
-    return bad_input("scenario " + options.scenario + " is not for " + std::to_string(options.num_agents) +
-                     " agents; num_agents may be " + joined(supported));
+    return bad_input(fmt::format("scenario {} is not for {} agents; num_agents may be {}", options.scenario,
+                                 options.num_agents, joined(supported)));
   if (options.frame_skip < 1 || options.frame_skip > 100)
-    return bad_input("env_frameskip is " + std::to_string(options.frame_skip) + "; it must lie in 1..100");
+    return bad_input(fmt::format("env_frameskip is {}; it must lie in 1..100", options.frame_skip));
   if (options.decision_limit > 0)
     game->spec.rules.timeout_tics = static_cast<int>(
         std::min<int64_t>(scenarios::kEngineLimitTics, options.decision_limit * options.frame_skip));
@@ -166,11 +167,11 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
       game->level->things.begin(), game->level->things.end(),
       [](const doom::MapThing& thing) { return thing.editor_number == doom::kDeathmatchStart; }));
   if (start_count + deathmatch_starts < options.num_agents)
-    return bad_input(wad.path() + " has starts for " + std::to_string(start_count + deathmatch_starts) +
-                     " players (" + std::to_string(deathmatch_starts) + " of them for deathmatch), not for " +
-                     std::to_string(options.num_agents) + ": put things 1 to " +
-                     std::to_string(options.num_agents) +
-                     " or deathmatch starts (thing 11) on the map, or play with fewer");
+    return bad_input(
+        fmt::format("{} has starts for {} players ({} of them for deathmatch), not for {}: put things 1 to "
+                    "{} or deathmatch starts (thing 11) on the map, or play with fewer",
+                    wad.path(), start_count + deathmatch_starts, deathmatch_starts, options.num_agents,
+                    options.num_agents));
   return std::shared_ptr<const DoomGame>(std::move(game));
 }
 

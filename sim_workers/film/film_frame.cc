@@ -1,5 +1,7 @@
 #include "sim_workers/film/film_frame.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -145,7 +147,7 @@ void FilmFrame::draw_footer(const FilmCaption& caption) {
   write(score, {picture_.cols - gap - score_width, baseline}, kLargeText, kLoud);
   // What does not fit beside the score is left out, the least needed first.
   const std::string clock = format("%.1f s", static_cast<double>(caption.tics) / kTicRateHz);
-  const std::string episode = "episode " + std::to_string(caption.episode);
+  const std::string episode = fmt::format("episode {}", caption.episode);
   const std::string counts = format("tic %u   decision %u", caption.tics, caption.decisions);
   const auto with_ending = [&](std::string text) {
     return caption.ending.empty() ? text : text + "   " + caption.ending;

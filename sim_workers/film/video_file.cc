@@ -5,6 +5,7 @@ extern "C" {
 #include <libavformat/avformat.h>
 #include <libavutil/imgutils.h>
 #include <libavutil/opt.h>
+#include <spdlog/fmt/fmt.h>
 }
 
 #include <opencv2/imgproc.hpp>
@@ -47,10 +48,11 @@ Error VideoFile::error(ErrorCode code, const std::string& what, int ffmpeg_code)
 Status VideoFile::open(cv::Size size) {
   const AVCodec* const codec = avcodec_find_encoder(AV_CODEC_ID_H264);
   const auto unsupported = [&](int code) {
-    return error(ErrorCode::kUnsupported,
-                 "FFmpeg cannot write H.264 of " + std::to_string(size.width) + "x" +
-                     std::to_string(size.height) + " there; a smaller --size, a .gif or --frames may do",
-                 code);
+    return error(
+        ErrorCode::kUnsupported,
+        fmt::format("FFmpeg cannot write H.264 of {}x{} there; a smaller --size, a .gif or --frames may do",
+                    size.width, size.height),
+        code);
   };
   if (codec == nullptr) return unsupported(AVERROR_ENCODER_NOT_FOUND);
   if (const int code = avformat_alloc_output_context2(&format_, nullptr, nullptr, path_.c_str()); code < 0)

@@ -1,5 +1,7 @@
 #include "sim_workers/oracle/oracle.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -105,8 +107,8 @@ Expected<std::unique_ptr<EnvironmentSet>> OracleEnvironmentSet::create(
     DoomEnvironment& environment = set->inner_->at(i);
     for (const int seat : set->seats_)
       if (seat < 0 || seat >= environment.game().num_agents)
-        return Error{ErrorCode::kBadInput, "the oracle cannot play seat " + std::to_string(seat) + " of " +
-                                               std::to_string(environment.game().num_agents) + " agents"};
+        return Error{ErrorCode::kBadInput, fmt::format("the oracle cannot play seat {} of {} agents", seat,
+                                                       environment.game().num_agents)};
     COMRAD_TRY_ASSIGN(OraclePlayer player, OraclePlayer::create(environment.game()));
     set->guided_.push_back(std::make_unique<Guided>(environment, std::move(player), set->seats_));
   }

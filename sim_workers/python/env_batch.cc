@@ -1,5 +1,7 @@
 #include "sim_workers/python/env_batch.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <condition_variable>
@@ -23,8 +25,7 @@ Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(me
 
 Status check_range(const char* name, int value, int least, int most) {
   if (value >= least && value <= most) return {};
-  return bad(std::string(name) + " is " + std::to_string(value) + "; it must lie in " +
-             std::to_string(least) + ".." + std::to_string(most));
+  return bad(fmt::format("{} is {}; it must lie in {}..{}", name, value, least, most));
 }
 
 Status check_view(int width, int height) {
@@ -115,8 +116,8 @@ class EnvBatch::Entry {
       else if (batch.is_sent_ && after != After::kSend)
         status_ = bad("a step was sent and not received; call recv() first");
       else if (batch.some_sent_ > 0 && (after == After::kNothing || after == After::kSend))
-        status_ = bad("steps of " + std::to_string(batch.some_sent_) +
-                      " environments were sent and not received; call recv() first");
+        status_ = bad(fmt::format("steps of {} environments were sent and not received; call recv() first",
+                                  batch.some_sent_));
       else if ((!batch.is_sent_ && after == After::kSend) ||
                (batch.some_sent_ == 0 && after == After::kSendSome))
         status_ = bad("no step was sent; call send() first");
@@ -299,8 +300,7 @@ Status EnvBatch::reset(std::span<const std::optional<EpisodeKey>> keys) {
   const Entry entry(*this);
   COMRAD_TRY(entry.status());
   if (keys.size() != works_->slots.size())
-    return bad(std::to_string(keys.size()) + " seeds were given for " + std::to_string(works_->slots.size()) +
-               " environments");
+    return bad(fmt::format("{} seeds were given for {} environments", keys.size(), works_->slots.size()));
   run([this, keys](int thread) -> Status {
     std::vector<int> begun;
     for (const int index : works_->lanes[static_cast<std::size_t>(thread)].indices) {
@@ -365,10 +365,9 @@ Status EnvBatch::check_step(std::span<const int> indices, std::span<const int32_
   for (std::size_t at = 0; at < choices.size(); ++at) {
     const int32_t most = shape_.head_sizes[at % heads];
     if (choices[at] < 0 || choices[at] >= most)
-      return bad("action " + std::to_string(choices[at]) + " of environment " +
-                 std::to_string(indices[at / heads / agents]) + ", agent " +
-                 std::to_string(at / heads % agents) + ", head " + std::to_string(at % heads) +
-                 ": it must lie in 0.." + std::to_string(most - 1));
+      return bad(fmt::format("action {} of environment {}, agent {}, head {}: it must lie in 0..{}",
+                             choices[at], indices[at / heads / agents], at / heads % agents, at % heads,
+                             most - 1));
   }
   for (const int index : indices) COMRAD_TRY(check_can_step(works_->slots[static_cast<std::size_t>(index)]));
   return {};
@@ -423,7 +422,7 @@ Status EnvBatch::send_some(std::span<const int> indices, std::span<const int32_t
     COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
     const auto at = static_cast<std::size_t>(index);
     if (is_named[at] || works_->slots[at].is_sent)
-      return bad("environment " + std::to_string(index) + " was sent a step already; call recv() first");
+      return bad(fmt::format("environment {} was sent a step already; call recv() first", index));
     is_named[at] = true;
   }
   COMRAD_TRY(check_step(indices, choices));
@@ -620,10 +619,10 @@ Status EnvBatch::restore(int index, const SavedState& state) {
   const EnvShape& saved_shape = state.environment_.shape();
   if (saved.spec.name != here.spec.name || saved.num_agents != here.num_agents ||
       saved.frame_skip != here.frame_skip)
-    return bad("the state is of " + saved.spec.name + " with " + std::to_string(saved.num_agents) +
-               " agents and frame skip " + std::to_string(saved.frame_skip) + ", the environment is " +
-               here.spec.name + " with " + std::to_string(here.num_agents) + " and " +
-               std::to_string(here.frame_skip));
+    return bad(fmt::format(
+        "the state is of {} with {} agents and frame skip {}, the environment is {} with {} and {}",
+        saved.spec.name, saved.num_agents, saved.frame_skip, here.spec.name, here.num_agents,
+        here.frame_skip));
   if (saved_shape.head_sizes != shape_.head_sizes ||
       saved_shape.measurement_count != shape_.measurement_count)
     return bad("the state is of an environment with other heads or measurements");

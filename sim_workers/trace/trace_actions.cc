@@ -1,5 +1,7 @@
 #include "sim_workers/trace/trace_actions.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -84,7 +86,7 @@ class CsvReader {
   }
   const std::vector<std::string_view>& cells() const { return cells_; }
   Error error(const std::string& what) const {
-    return Error{ErrorCode::kBadFormat, label_ + ":" + std::to_string(line_number_) + ": " + what};
+    return Error{ErrorCode::kBadFormat, fmt::format("{}:{}: {}", label_, line_number_, what)};
   }
   Expected<double> number(std::size_t cell, std::string_view column) const {
     double value = 0;

@@ -1,5 +1,7 @@
 #include "sim_workers/trace/trace_game.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <limits>
 #include <optional>
 
@@ -36,8 +38,7 @@ Expected<std::unique_ptr<TraceGame>> open_cfg(const GameOptions& options) {
   const std::string path = spec.folder + "/" + spec.wad;
   COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(path));
   COMRAD_TRY_ASSIGN(auto trace, open_game(options, 1, spec, wad));
-  trace->title =
-      config.path + " " + trace->world().level().name + " skill " + std::to_string(config.rules.skill);
+  trace->title = fmt::format("{} {} skill {}", config.path, trace->world().level().name, config.rules.skill);
   trace->buttons = config.buttons, trace->button_names = names;
   if (config.seed) trace->default_seed = *config.seed;
   if (!config.scenario_path.empty()) trace->art_paths.push_back(path);
@@ -55,15 +56,14 @@ Expected<std::unique_ptr<TraceGame>> open_scenario(const GameOptions& options) {
     request.num_agents = spec.default_agents;
     COMRAD_TRY_ASSIGN(const scenarios::GeneratedLayout layout,
                       scenarios::generate_layout(options.target, request));
-    COMRAD_TRY_ASSIGN(
-        wad,
-        wad::WadFile::from_bytes(
-            std::vector<uint8_t>(layout.wad.begin(), layout.wad.end()),
-            layout.file.empty() ? options.target + " layout " + std::to_string(request.seed) : layout.file));
+    COMRAD_TRY_ASSIGN(wad, wad::WadFile::from_bytes(
+                               std::vector<uint8_t>(layout.wad.begin(), layout.wad.end()),
+                               layout.file.empty() ? fmt::format("{} layout {}", options.target, request.seed)
+                                                   : layout.file));
   }
   COMRAD_TRY_ASSIGN(auto trace, open_game(options, spec.default_agents, spec, *wad));
-  trace->title = spec.name + " " + trace->world().level().name + ", " + std::to_string(spec.default_agents) +
-                 " agents, the first one's";
+  trace->title = fmt::format("{} {}, {} agents, the first one's", spec.name, trace->world().level().name,
+                             spec.default_agents);
   for (const scenarios::ActionHead& head : spec.heads)
     for (const std::string& name : head.buttons) {
       trace->buttons.push_back(scenarios::find_button(name).value());

@@ -1,5 +1,7 @@
 #include "sim_workers/trace/trace_run.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -130,8 +132,8 @@ Status run_trace(const RunOptions& options) {
   }
   COMRAD_TRY_ASSIGN(const TraceTable table,
                     TraceTable::create(actions, options.variables, options.with_hash));
-  COMRAD_TRY(output.line("# " + game->title + " seed " + std::to_string(seed) +
-                         (options.game.no_monsters ? ", no monsters" : "")));
+  COMRAD_TRY(output.line(
+      fmt::format("# {} seed {}{}", game->title, seed, (options.game.no_monsters ? ", no monsters" : ""))));
   COMRAD_TRY(output.line(table.header()));
   COMRAD_TRY(output.line(table.row(*game, 0, 0, 0)));
   COMRAD_TRY(frames.write(*game, 0));
@@ -148,8 +150,7 @@ Status run_trace(const RunOptions& options) {
   COMRAD_TRY(output.flush());
   if (things) COMRAD_TRY(things->flush());
   for (const int64_t wanted : options.frame_tics)
-    if (wanted > t)
-      warn("no picture of tic " + std::to_string(wanted) + ": the trace ended with tic " + std::to_string(t));
+    if (wanted > t) warn(fmt::format("no picture of tic {}: the trace ended with tic {}", wanted, t));
   return {};
 }
 

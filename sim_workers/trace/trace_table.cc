@@ -1,5 +1,7 @@
 #include "sim_workers/trace/trace_table.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <charconv>
 #include <cstdio>
 
@@ -92,7 +94,7 @@ std::string TraceTable::header() const {
 
 std::string TraceTable::row(TraceGame& game, int64_t t, double reward, double total_reward) const {
   const std::size_t standard_count = standard_columns().size();
-  std::string line = std::to_string(t) + "," + std::to_string(game.world().tic_count());
+  std::string line = fmt::format("{},{}", t, game.world().tic_count());
   const auto values = actions_.values(t - 1);  // zeros in row 0
   for (std::size_t i = 0; i < standard_count; ++i) line += ",", append_shortest(&line, values[i]);
   for (const StateColumn& column : kStateColumns) {

@@ -1,5 +1,7 @@
 #include "sim_workers/worker/env_port.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -44,12 +46,12 @@ Status EnvPort::start() {
     return begin_episode(first);
   }
   // Exact resume: the same seed and the same actions give the same world back.
-  const std::string name = "journal of environment " + std::to_string(env_index_);
+  const std::string name = fmt::format("journal of environment {}", env_index_);
   const uint32_t length = journal_->length;
   if (length > static_cast<uint32_t>(arena_.shape().journal_steps))
-    return Error{ErrorCode::kBadFormat, name + " holds " + std::to_string(length) + " decisions of at most " +
-                                            std::to_string(arena_.shape().journal_steps) +
-                                            "; the checkpoint cannot be resumed exactly"};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("{} holds {} decisions of at most {}; the checkpoint cannot be resumed exactly",
+                             name, length, arena_.shape().journal_steps)};
   episode_id_ = journal_->episode_id;
   episode_seed_ = journal_->episode_seed;
   if (rules_.layout_count > 0)
@@ -62,9 +64,10 @@ Status EnvPort::start() {
     std::copy(recorded.begin(), recorded.end(), action.begin());
     environment_.step(action);
     if (environment_.last_step().episode_over())
-      return Error{ErrorCode::kBadFormat, name + " does not replay: the episode ends after " +
-                                              std::to_string(step + 1) + " of " + std::to_string(length) +
-                                              " decisions; the checkpoint belongs to another map or build"};
+      return Error{ErrorCode::kBadFormat,
+                   fmt::format("{} does not replay: the episode ends after {} of {} decisions; the "
+                               "checkpoint belongs to another map or build",
+                               name, step + 1, length)};
   }
   episode_step_ = length;
   journal_->in_use = 1;

@@ -1,5 +1,7 @@
 #include "sim_workers/worker/episode_recorder.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -59,9 +61,8 @@ void EpisodeRecorder::write(const DoomEnvironment& environment, const std::strin
       {"returns", std::vector<float>(summary.returns().begin(), summary.returns().end())},
       {"length_tics", summary.length_tics},
       {"state_hash", hash}};
-  status_ =
-      write_file_atomically(folder_ + "/" + std::to_string(seed) + ".comrad", head.dump() + "\n" + choices,
-                            /*durable=*/false);
+  status_ = write_file_atomically(fmt::format("{}/{}.comrad", folder_, seed), head.dump() + "\n" + choices,
+                                  /*durable=*/false);
 }
 
 }  // namespace comrad::sim

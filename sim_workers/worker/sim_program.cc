@@ -1,5 +1,7 @@
 #include "sim_workers/worker/sim_program.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <sched.h>
 
 #include <cerrno>
@@ -182,7 +184,7 @@ Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& 
                      .layout_count = static_cast<uint32_t>(layouts.size()),
                      .layout_swap_every = static_cast<uint32_t>(config.environment.layout_swap_every)}}));
   spdlog::info("{} environments of {} on {}", arena.shape().envs_per_worker, config.run.scenario,
-               layouts.empty() ? config.environment.wad : std::to_string(layouts.size()) + " layouts");
+               layouts.empty() ? config.environment.wad : fmt::format("{} layouts", layouts.size()));
   COMRAD_TRY(worker->run(shell.stop()));
   if (positions != nullptr) COMRAD_TRY(positions->finish());
   if (recorder != nullptr) COMRAD_TRY(recorder->status());

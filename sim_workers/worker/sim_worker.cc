@@ -1,5 +1,7 @@
 #include "sim_workers/worker/sim_worker.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <span>
 #include <string>
 
@@ -17,10 +19,9 @@ constexpr int64_t kWaitUs = 50'000;  // how often a waiting worker looks at its 
 std::string shape_text(const EnvShape& shape) {
   const std::string heads =
       joined(std::span(shape.head_sizes).first(static_cast<std::size_t>(shape.head_count)), ",");
-  return std::to_string(shape.num_agents) + " agents, frame " + std::to_string(shape.channels) + "x" +
-         std::to_string(shape.height) + "x" + std::to_string(shape.width) + ", " +
-         std::to_string(shape.measurement_count) + " measurements, " +
-         std::to_string(shape.global_state_count) + " numbers of global state, heads " + heads;
+  return fmt::format("{} agents, frame {}x{}x{}, {} measurements, {} numbers of global state, heads {}",
+                     shape.num_agents, shape.channels, shape.height, shape.width, shape.measurement_count,
+                     shape.global_state_count, heads);
 }
 
 bool is_same(const EnvShape& a, const EnvShape& b) {
@@ -38,13 +39,11 @@ bool is_same(const EnvShape& a, const EnvShape& b) {
 Expected<std::unique_ptr<SimWorker>> SimWorker::create(EnvironmentSet& environments, const shm::Arena& arena,
                                                        const SimWorkerOptions& options) {
   if (options.worker_index < 0 || options.worker_index >= arena.shape().sim_worker_count)
-    return Error{ErrorCode::kBadInput,
-                 "worker_index is " + std::to_string(options.worker_index) + "; this run has " +
-                     std::to_string(arena.shape().sim_worker_count) + " simulator workers"};
+    return Error{ErrorCode::kBadInput, fmt::format("worker_index is {}; this run has {} simulator workers",
+                                                   options.worker_index, arena.shape().sim_worker_count)};
   if (environments.size() != arena.shape().envs_per_worker)
-    return Error{ErrorCode::kBadInput, "the worker made " + std::to_string(environments.size()) +
-                                           " environments, the arena expects " +
-                                           std::to_string(arena.shape().envs_per_worker)};
+    return Error{ErrorCode::kBadInput, fmt::format("the worker made {} environments, the arena expects {}",
+                                                   environments.size(), arena.shape().envs_per_worker)};
   for (int index = 0; index < environments.size(); ++index)
     if (!is_same(environments.at(index).shape(), arena.shape().trajectory.env))
       return Error{ErrorCode::kBadInput, "the scenario has " + shape_text(environments.at(index).shape()) +

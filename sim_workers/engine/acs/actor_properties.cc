@@ -1,5 +1,7 @@
 #include "sim_workers/engine/acs/actor_properties.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <string>
@@ -178,8 +180,7 @@ void set_actor_property(const Caller& caller, Actor& actor, int32_t property, in
   const std::string_view name = actor_property_name(property);
   caller.unsupported(
       kWarnProperty + (name.empty() ? kActorPropertyCount : static_cast<std::size_t>(property)),
-      name.empty() ? "SetActorProperty " + std::to_string(property)
-                   : "SetActorProperty " + std::string(name));
+      name.empty() ? fmt::format("SetActorProperty {}", property) : "SetActorProperty " + std::string(name));
 }
 
 int32_t get_actor_property(const Caller& caller, const Actor* actor, int32_t property) {

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/acs/behavior_reader.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <numeric>
@@ -122,7 +124,7 @@ Status BehaviorReader::read_old(Behavior& behavior, uint32_t directory) {
   const uint64_t script_count = u32(bytes_, at);
   at += 4;
   if (script_count > kScriptsMax || at + script_count * 12 > bytes_.size())
-    return error(at - 4, "a directory of " + std::to_string(script_count) + " scripts does not fit the lump");
+    return error(at - 4, fmt::format("a directory of {} scripts does not fit the lump", script_count));
   for (uint64_t i = 0; i < script_count; ++i, at += 12) {
     Script script;
     const uint32_t number = u32(bytes_, at);
@@ -131,22 +133,21 @@ Status BehaviorReader::read_old(Behavior& behavior, uint32_t directory) {
     script.address = u32(bytes_, at + 4);
     script.arg_count = i32(bytes_, at + 8);
     if (script.address >= bytes_.size())
-      return error(at + 4, "script " + std::to_string(script.number) + " begins outside the lump");
+      return error(at + 4, fmt::format("script {} begins outside the lump", script.number));
     if (script.arg_count < 0 || script.arg_count > script.variable_count)
-      return error(at + 8, "script " + std::to_string(script.number) + " has " +
-                               std::to_string(script.arg_count) + " arguments");
+      return error(at + 8, fmt::format("script {} has {} arguments", script.number, script.arg_count));
     behavior.scripts_.push_back(std::move(script));
   }
   if (at + 4 > bytes_.size()) return {};
   const uint64_t string_count = u32(bytes_, at);
   at += 4;
   if (string_count > bytes_.size() / 4 || at + string_count * 4 > bytes_.size())
-    return error(at - 4, "a table of " + std::to_string(string_count) + " strings does not fit the lump");
+    return error(at - 4, fmt::format("a table of {} strings does not fit the lump", string_count));
   std::size_t total = 0;
   for (uint64_t i = 0; i < string_count; ++i, at += 4) {
     std::optional<std::string> text = text_at(bytes_, u32(bytes_, at));
     if (text && (total += text->size()) > kTextBytesMax) return error(at, "more text than 16 MiB");
-    if (!text) return error(at, "string " + std::to_string(i) + " runs out of the lump");
+    if (!text) return error(at, fmt::format("string {} runs out of the lump", i));
     behavior.strings_.push_back(unescaped(*text));
   }
   return {};
@@ -161,8 +162,8 @@ Status BehaviorReader::read_chunks(Behavior& behavior, uint32_t first, bool wide
   for (uint64_t at = first; at + 8 <= bytes_.size();) {
     const uint64_t size = u32(bytes_, at + 4);
     if (size > bytes_.size() - at - 8)
-      return error(at, "chunk " + printable(tag_at(bytes_, at)) + " of " + std::to_string(size) +
-                           " bytes runs out of the lump");
+      return error(
+          at, fmt::format("chunk {} of {} bytes runs out of the lump", printable(tag_at(bytes_, at)), size));
     chunks.push_back({tag_at(bytes_, at), bytes_.subspan(at + 8, size)});
     at += 8 + size;
   }
@@ -217,7 +218,7 @@ Status BehaviorReader::read_chunks(Behavior& behavior, uint32_t first, bool wide
 Status BehaviorReader::read_scripts(Behavior& behavior, Bytes chunk, bool wide) {
   const std::size_t size = wide ? 12 : 8;
   if (chunk.size() / size > kScriptsMax)
-    return error(offset_of(chunk), "more than " + std::to_string(kScriptsMax) + " scripts");
+    return error(offset_of(chunk), fmt::format("more than {} scripts", kScriptsMax));
   for (std::size_t at = 0; at + size <= chunk.size(); at += size) {
     Script script;
     script.number = i16(chunk, at);
@@ -227,10 +228,10 @@ Status BehaviorReader::read_scripts(Behavior& behavior, Bytes chunk, bool wide) 
     script.arg_count = wide ? i32(chunk, at + 8) : chunk[at + 3];
     if (script.address >= bytes_.size())
       return error(offset_of(chunk) + at + 4,
-                   "script " + std::to_string(script.number) + " begins outside the lump");
+                   fmt::format("script {} begins outside the lump", script.number));
     if (script.arg_count < 0 || script.arg_count > 255)
-      return error(offset_of(chunk) + at + 8, "script " + std::to_string(script.number) + " has " +
-                                                  std::to_string(script.arg_count) + " arguments");
+      return error(offset_of(chunk) + at + 8,
+                   fmt::format("script {} has {} arguments", script.number, script.arg_count));
     script.variable_count = std::max(script.variable_count, script.arg_count);
     behavior.scripts_.push_back(std::move(script));
   }
@@ -262,7 +263,7 @@ Status BehaviorReader::read_functions(Behavior& behavior, Bytes chunk) {
     function.imported = chunk[at + 3] != 0 || function.address == 0;  // 0: some library will have it
     if (!function.imported && function.address >= bytes_.size())
       return error(offset_of(chunk) + at + 4,
-                   "function " + std::to_string(behavior.functions_.size()) + " begins outside the lump");
+                   fmt::format("function {} begins outside the lump", behavior.functions_.size()));
     behavior.functions_.push_back(std::move(function));
   }
   return {};
@@ -272,8 +273,7 @@ Status BehaviorReader::read_strings(Behavior& behavior, Bytes chunk, bool encryp
   if (chunk.size() < 12) return error(offset_of(chunk), "a string table without a head");
   const uint64_t count = u32(chunk, 4);
   if (count > (chunk.size() - 12) / 4)
-    return error(offset_of(chunk) + 4,
-                 "a table of " + std::to_string(count) + " strings does not fit its chunk");
+    return error(offset_of(chunk) + 4, fmt::format("a table of {} strings does not fit its chunk", count));
   behavior.strings_.clear();
   std::size_t total = 0;
   for (uint64_t i = 0; i < count; ++i) {
@@ -294,8 +294,7 @@ Status BehaviorReader::read_strings(Behavior& behavior, Bytes chunk, bool encryp
     }
     if (text && (total += text->size()) > kTextBytesMax)
       return error(offset_of(chunk) + 12 + i * 4, "more text than 16 MiB");
-    if (!text)
-      return error(offset_of(chunk) + 12 + i * 4, "string " + std::to_string(i) + " runs out of its chunk");
+    if (!text) return error(offset_of(chunk) + 12 + i * 4, fmt::format("string {} runs out of its chunk", i));
     behavior.strings_.push_back(unescaped(*text));
   }
   return {};
@@ -309,10 +308,10 @@ Status BehaviorReader::read_arrays(Behavior& behavior, Bytes chunk) {
     const int64_t size = u32(chunk, at + 4);
     total += size;
     if (index >= kMapVariableCount || behavior.array_slots_[index] >= 0)
-      return error(offset_of(chunk) + at, "an array named by map variable " + std::to_string(index));
+      return error(offset_of(chunk) + at, fmt::format("an array named by map variable {}", index));
     if (total > kArrayElementsMax)
       return error(offset_of(chunk) + at + 4,
-                   "arrays of more than " + std::to_string(kArrayElementsMax) + " elements");
+                   fmt::format("arrays of more than {} elements", kArrayElementsMax));
     behavior.array_slots_[index] = static_cast<int16_t>(behavior.arrays_.size());
     behavior.arrays_.push_back(
         {static_cast<int32_t>(index), std::vector<int32_t>(static_cast<std::size_t>(size), 0)});
@@ -325,8 +324,7 @@ Status BehaviorReader::read_variables(Behavior& behavior, Bytes chunk) {
   const uint32_t first = u32(chunk, 0);
   const std::size_t count = chunk.size() / 4 - 1;
   if (first > kMapVariableCount || count > kMapVariableCount - first)
-    return error(offset_of(chunk),
-                 std::to_string(count) + " map variables from " + std::to_string(first) + " on");
+    return error(offset_of(chunk), fmt::format("{} map variables from {} on", count, first));
   for (std::size_t i = 0; i < count; ++i) behavior.map_variables_[first + i] = i32(chunk, 4 + i * 4);
   return {};
 }
@@ -350,8 +348,7 @@ Status BehaviorReader::read_local_arrays(Bytes chunk, int32_t first, std::vector
   for (std::size_t at = 2; at + 4 <= chunk.size(); at += 4) {
     const int64_t size = u32(chunk, at);
     if (offset + size > kLocalsMax)
-      return error(offset_of(chunk) + at,
-                   "local arrays of more than " + std::to_string(kLocalsMax) + " elements");
+      return error(offset_of(chunk) + at, fmt::format("local arrays of more than {} elements", kLocalsMax));
     arrays.push_back({static_cast<int32_t>(offset), static_cast<int32_t>(size)});
     offset += size;
   }
@@ -363,15 +360,14 @@ Expected<std::vector<std::string>> BehaviorReader::read_names(Bytes chunk) {
   if (chunk.size() < 4) return std::vector<std::string>{};
   const uint64_t count = u32(chunk, 0);
   if (count > chunk.size() / 4 - 1)
-    return error(offset_of(chunk), "a table of " + std::to_string(count) + " names does not fit its chunk");
+    return error(offset_of(chunk), fmt::format("a table of {} names does not fit its chunk", count));
   std::vector<std::string> names;
   std::size_t total = 0;
   for (uint64_t i = 0; i < count; ++i) {
     std::optional<std::string> text = text_at(chunk, u32(chunk, 4 + i * 4));
     if (text && (total += text->size()) > kTextBytesMax)
       return error(offset_of(chunk) + 4 + i * 4, "more text than 16 MiB");
-    if (!text)
-      return error(offset_of(chunk) + 4 + i * 4, "name " + std::to_string(i) + " runs out of its chunk");
+    if (!text) return error(offset_of(chunk) + 4 + i * 4, fmt::format("name {} runs out of its chunk", i));
     names.push_back(std::move(*text));
   }
   return names;

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/acs/caller.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/machine.h"
@@ -45,7 +47,7 @@ std::string_view Caller::text(int32_t index) const {
           : index >= 0 && static_cast<std::size_t>(index) < behavior.strings().size();
   if (!known) {
     if (index != 0)  // what scripts pass for "none"
-      warn(kWarnString, "string " + std::to_string(index) + ", of which there is none, reads as empty");
+      warn(kWarnString, fmt::format("string {}, of which there is none, reads as empty", index));
     return {};
   }
   return string_at(world, index);
@@ -74,7 +76,7 @@ std::string Caller::script_label() const {
   const auto scripts = behavior.scripts();
   if (thread.script_index < scripts.size() && !scripts[thread.script_index].name.empty())
     return label + "\"" + printable(scripts[thread.script_index].name) + "\"";
-  return label + std::to_string(thread.script);
+  return fmt::format("{}{}", label, thread.script);
 }
 
 }  // namespace comrad::doom::acs

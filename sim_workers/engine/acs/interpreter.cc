@@ -1,5 +1,7 @@
 #include "sim_workers/engine/acs/interpreter.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -238,13 +240,12 @@ class Interpreter {
   }
 
   [[gnu::cold]] uint32_t fail_fetch(std::optional<uint32_t> unknown) {
-    fail(unknown ? "there is no p-code " + std::to_string(*unknown) : "runs out of the lump");
+    fail(unknown ? fmt::format("there is no p-code {}", *unknown) : "runs out of the lump");
     return 0;
   }
   [[gnu::cold]] void stop_runaway() {
     ++machine_.runaway_count;
-    fail("has run " + std::to_string(machine_.instructions_per_tic) +
-         " instructions in one tic without a Delay");
+    fail(fmt::format("has run {} instructions in one tic without a Delay", machine_.instructions_per_tic));
   }
   /// States which of a step's demands is not met.
   [[gnu::cold]] void fail_step(uint32_t number) {
@@ -258,8 +259,7 @@ class Interpreter {
     static constexpr std::array<const char*, 8> kScopes = {
         "script variable", "map variable", "world variable", "global variable",
         "local array",     "map array",    "world array",    "global array"};
-    fail("there is no " + std::string(kScopes[static_cast<std::size_t>(scope)]) + " " +
-         std::to_string(index));
+    fail(fmt::format("there is no {} {}", kScopes[static_cast<std::size_t>(scope)], index));
     return &scratch_;
   }
 
@@ -333,8 +333,7 @@ class Interpreter {
   }
 
   [[gnu::cold]] int32_t* outside(int32_t element) {
-    caller_.warn(kWarnElement,
-                 "element " + std::to_string(element) + " lies outside its array and reads as 0");
+    caller_.warn(kWarnElement, fmt::format("element {} lies outside its array and reads as 0", element));
     return &scratch_;
   }
   int32_t* element_of(std::vector<int32_t>& array, int32_t element, bool silent) {
@@ -351,8 +350,7 @@ class Interpreter {
     std::vector<int32_t>& array = arrays[index];
     if (writes && element >= 0 && static_cast<std::size_t>(element) >= array.size()) {
       if (static_cast<std::size_t>(element) >= kArrayElementsMax) {
-        fail("element " + std::to_string(element) + " of a world or global array; " +
-             std::to_string(kArrayElementsMax) + " is the end");
+        fail(fmt::format("element {} of a world or global array; {} is the end", element, kArrayElementsMax));
         return &scratch_;
       }
       array.resize(static_cast<std::size_t>(element) + 1, 0);
@@ -395,7 +393,7 @@ class Interpreter {
   void call(int32_t index, bool discards_result) {
     const auto functions = behavior_.functions();
     if (index < 0 || static_cast<std::size_t>(index) >= functions.size())
-      return fail("there is no function " + std::to_string(index));
+      return fail(fmt::format("there is no function {}", index));
     const Function& function = functions[static_cast<std::size_t>(index)];
     if (function.imported)
       return fail("calls \"" + printable(function.name) + "\" of a library that is not loaded");
@@ -452,7 +450,7 @@ class Interpreter {
     charge_for(thread_.print_buffer.size() - std::min(before, thread_.print_buffer.size()));
     if (thread_.print_buffer.size() > kTextMax) {
       thread_.print_buffer.clear();
-      fail("builds a text of more than " + std::to_string(kTextMax) + " bytes");
+      fail(fmt::format("builds a text of more than {} bytes", kTextMax));
     }
   }
   void print_text(std::string_view text) {
@@ -474,13 +472,13 @@ class Interpreter {
   void print_name(int32_t who) {
     const Actor* actor = caller_.activator();
     if (who > 0 && who <= world_.player_count()) {
-      print_text("Player " + std::to_string(who));
+      print_text(fmt::format("Player {}", who));
     } else if (who == -1 || who == -2) {
       print_text(world_.level().name);
     } else if (who < 0) {
       return;
     } else if (who == 0 && actor != nullptr && actor->player_index >= 0) {
-      print_text("Player " + std::to_string(actor->player_index + 1));
+      print_text(fmt::format("Player {}", actor->player_index + 1));
     } else if (who == 0 && actor != nullptr) {
       print_text(world_.type_of(*actor).name);
     }
@@ -775,7 +773,7 @@ void Interpreter::execute(PCode code) {
     case PCode::kGotoStack: {
       const auto index = static_cast<uint32_t>(pop());
       const auto jumps = behavior_.jumps().subspan(module_->first_jump);
-      if (index >= jumps.size()) return fail("there is no jump target " + std::to_string(index));
+      if (index >= jumps.size()) return fail(fmt::format("there is no jump target {}", index));
       return jump(static_cast<int32_t>(jumps[index]));
     }
 

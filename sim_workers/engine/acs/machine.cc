@@ -1,5 +1,7 @@
 #include "sim_workers/engine/acs/machine.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <tuple>
 #include <utility>
@@ -53,8 +55,7 @@ Thread& new_thread(MachineState& machine, const Script& script, std::size_t scri
 void refuse(World& world, const Script& script, const std::string& why) {
   const Behavior& behavior = *world.behavior();
   MachineState& machine = world.state().scripts;
-  machine.last_error =
-      behavior.label() + ": script " + std::to_string(script.number) + " does not start: " + why;
+  machine.last_error = fmt::format("{}: script {} does not start: {}", behavior.label(), script.number, why);
   if (behavior.first_time(kWarnThreads)) spdlog::warn("{}", machine.last_error);
 }
 

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/acs/script_calls.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <string>
 
@@ -459,9 +461,8 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
   }
   const std::string_view name = bytecode::built_in_name(number);
   const std::size_t index = number >= 0 && number < 256 ? static_cast<std::size_t>(number) : 255;
-  caller.unsupported(kWarnFunction + index, name.empty()
-                                                ? "function " + std::to_string(number) + " of CallFunc"
-                                                : std::string(name));
+  caller.unsupported(kWarnFunction + index,
+                     name.empty() ? fmt::format("function {} of CallFunc", number) : std::string(name));
   return {};
 }
 

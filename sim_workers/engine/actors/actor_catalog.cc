@@ -40,7 +40,7 @@ uint32_t ActorCatalog::add(ActorType type) {
   }
   if (type.editor_number >= 0) by_editor_number_[type.editor_number] = index;
   if (type.replaces < replacement_.size()) {
-    // Who stood in for the replaced one before gives way, and so does whoever led to it.
+    // An earlier replacement gives way, and so does the type that led to it.
     for (uint32_t& replacement : replacement_)
       if (replacement == type.replaces) replacement = index;
     replacement_[type.replaces] = index;

@@ -1,5 +1,7 @@
 // Places that maps and scripts name: starts, spots, cameras and whatever else nobody sees. Types that this
 // engine gives no life are here so that maps with them load in silence.
+#include <spdlog/fmt/fmt.h>
+
 #include <string>
 #include <utility>
 
@@ -26,7 +28,7 @@ void add_marker(ActorCatalog* catalog, std::string name, int32_t number, int32_t
 
 void add_markers(ActorCatalog* catalog) {
   for (int32_t player = 1; player <= 8; ++player)
-    add_marker(catalog, "Player" + std::to_string(player) + "Start", player <= 4 ? player : 3996 + player);
+    add_marker(catalog, fmt::format("Player{}Start", player), player <= 4 ? player : 3996 + player);
   const Marker markers[] = {
       {"DeathmatchStart", 11, 11},
       {"TeleportDest", 14, 14},

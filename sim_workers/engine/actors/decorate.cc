@@ -1,5 +1,7 @@
 #include "sim_workers/engine/actors/decorate.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -67,7 +69,7 @@ class DecorateParser {
   void warn(const Token& token, const std::string& what) {
     if (warnings_ == nullptr || !warned_.insert(what).second || warnings_left_ == 0) return;
     --warnings_left_;
-    warnings_->push_back(label_ + ":" + std::to_string(token.line) + ": " + what);
+    warnings_->push_back(fmt::format("{}:{}: {}", label_, token.line, what));
   }
 
   DecorateNames names() {
@@ -132,8 +134,8 @@ class DecorateParser {
       return {};
     }
     if (include_depth_ >= kIncludeDepthMax)
-      return error_at(
-          keyword, "lumps that include each other more than " + std::to_string(kIncludeDepthMax) + " deep");
+      return error_at(keyword,
+                      fmt::format("lumps that include each other more than {} deep", kIncludeDepthMax));
     const DecorateLexer outer_lexer = std::exchange(lexer_, DecorateLexer(*text));
     const std::string outer_label = std::exchange(label_, label_ + ":" + name);
     ++include_depth_;

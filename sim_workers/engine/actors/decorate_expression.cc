@@ -1,5 +1,7 @@
 #include "sim_workers/engine/actors/decorate_expression.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -252,8 +254,7 @@ class Reader {
 }  // namespace
 
 Error error_at(const Token& token, const std::string& what) {
-  return {ErrorCode::kBadFormat,
-          std::to_string(token.line) + ":" + std::to_string(token.column) + ": " + what};
+  return {ErrorCode::kBadFormat, fmt::format("{}:{}: {}", token.line, token.column, what)};
 }
 
 int32_t DecorateValue::integer() const {

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/actors/decorate_properties.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -284,7 +286,7 @@ void set_translation(Values& values) {
     // The players' green becomes grey, brown or red.
     constexpr std::array<uint8_t, 3> kFirst = {0x60, 0x40, 0x20};
     const int32_t number = values.integer();
-    if (number < 0 || number > 2) return values.target().warn("Translation " + std::to_string(number));
+    if (number < 0 || number > 2) return values.target().warn(fmt::format("Translation {}", number));
     for (uint8_t shade = 0; shade < 16; ++shade)
       table[0x70u + shade] = static_cast<uint8_t>(kFirst[static_cast<std::size_t>(number)] + shade);
   } else {

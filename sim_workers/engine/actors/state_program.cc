@@ -1,5 +1,7 @@
 #include "sim_workers/engine/actors/state_program.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <optional>
 #include <utility>
 
@@ -10,8 +12,7 @@ namespace comrad::doom {
 namespace {
 
 Error no_place(const StateTarget& target, const std::string& what) {
-  return {ErrorCode::kBadFormat,
-          std::to_string(target.line) + ":" + std::to_string(target.column) + ": " + what};
+  return {ErrorCode::kBadFormat, fmt::format("{}:{}: {}", target.line, target.column, what)};
 }
 
 std::string name_of(const StateTarget& target) {

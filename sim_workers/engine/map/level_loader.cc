@@ -1,5 +1,7 @@
 #include "sim_workers/engine/map/level_loader.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -61,20 +63,17 @@ class Loader {
   /// Where a block or record is: "label:12" in text, "label: linedef 12" in a binary lump.
   Error wrong(const char* kind, int place, const std::string& what) const {
     return Error{ErrorCode::kBadFormat, map_.is_binary
-                                            ? label_ + ": " + kind + " " + std::to_string(place) + ": " + what
-                                            : label_ + ":" + std::to_string(place) + ": " + what};
+                                            ? fmt::format("{}: {} {}: {}", label_, kind, place, what)
+                                            : fmt::format("{}:{}: {}", label_, place, what)};
   }
   /// Checks that `index` is below `count`.
   Status in_range(const char* kind, int place, const char* what, int32_t index, std::size_t count) const {
     if (index >= 0 && static_cast<std::size_t>(index) < count) return {};
-    return wrong(
-        kind, place,
-        std::string(what) + " " + std::to_string(index) + ", but there are " + std::to_string(count));
+    return wrong(kind, place, fmt::format("{} {}, but there are {}", what, index, count));
   }
   Status in_bounds(const char* kind, int place, const char* what, double value) const {
     if (std::abs(value) <= kCoordinateMax) return {};
-    return wrong(kind, place,
-                 std::string(what) + " " + std::to_string(value) + " lies outside -32000..32000");
+    return wrong(kind, place, fmt::format("{} {} lies outside -32000..32000", what, value));
   }
 
   Status add_vertices() {
@@ -146,11 +145,11 @@ class Loader {
       level_.sectors.push_back(std::move(sector));
     }
     if (low_ceilings_ > 0)
-      level_.warnings.push_back(std::to_string(low_ceilings_) +
-                                " sectors with a ceiling below their floor: they start shut");
+      level_.warnings.push_back(
+          fmt::format("{} sectors with a ceiling below their floor: they start shut", low_ceilings_));
     if (more_ids_ > 0)
-      level_.warnings.push_back(std::to_string(more_ids_) +
-                                " sectors with 'moreids', which is not supported: they answer to 'id' alone");
+      level_.warnings.push_back(fmt::format(
+          "{} sectors with 'moreids', which is not supported: they answer to 'id' alone", more_ids_));
     return {};
   }
 
@@ -181,7 +180,7 @@ class Loader {
       level_.sidedefs.push_back(std::move(side));
     }
     if (lost > 0)
-      level_.warnings.push_back(std::to_string(lost) + " sidedefs of sectors that do not exist: sector 0");
+      level_.warnings.push_back(fmt::format("{} sidedefs of sectors that do not exist: sector 0", lost));
     return {};
   }
 
@@ -237,8 +236,8 @@ class Loader {
       leave_out(from.two_sided && from.side_back == -1, place, no_back, first_no_back);  // it is a wall
       if (start.x == end.x && start.y == end.y)
         return wrong("linedef", place,
-                     "this linedef has no length: both ends lie at (" + std::to_string(to_double(start.x)) +
-                         ", " + std::to_string(to_double(start.y)) + ")");
+                     fmt::format("this linedef has no length: both ends lie at ({}, {})", to_double(start.x),
+                                 to_double(start.y)));
       if (std::abs(length_x) > kLengthMax || std::abs(length_y) > kLengthMax)
         return wrong("linedef", place, "this linedef is longer than 32000 units");
       Linedef line;
@@ -262,8 +261,7 @@ class Loader {
     }
     const auto tell = [&](int count, int first, const char* what) {
       if (count > 0)
-        level_.warnings.push_back(std::to_string(count) + " linedefs " + what + ", linedef " +
-                                  std::to_string(first) + " the first");
+        level_.warnings.push_back(fmt::format("{} linedefs {}, linedef {} the first", count, what, first));
     };
     tell(no_length, first_no_length, "of no length, left out");
     tell(no_front, first_no_front, "without a front side, left out");
@@ -327,7 +325,7 @@ class Loader {
       level_.things.push_back(thing);
     }
     if (far_off > 0)
-      level_.warnings.push_back(std::to_string(far_off) + " things beyond 32000 units, left out");
+      level_.warnings.push_back(fmt::format("{} things beyond 32000 units, left out", far_off));
     return {};
   }
 
@@ -355,9 +353,8 @@ class Loader {
       const auto count = std::count_if(level_.linedefs.begin(), level_.linedefs.end(),
                                        [&](const Linedef& line) { return line.special == missing.number; });
       if (count > 0)
-        level_.warnings.push_back(std::string(missing.name) + " (" + std::to_string(missing.number) +
-                                  ") on " + std::to_string(count) +
-                                  " linedefs is not supported and has no effect");
+        level_.warnings.push_back(fmt::format("{} ({}) on {} linedefs is not supported and has no effect",
+                                              missing.name, missing.number, count));
     }
   }
 

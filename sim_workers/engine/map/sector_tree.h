@@ -1,5 +1,5 @@
 // In which sector a point lies: a binary tree of linedefs, each node one exact side test. Built once per
-// level from the linedefs alone (no nodes lump needed). Stage: tic, and whoever places things.
+// level from the linedefs alone (no nodes lump needed). Stage: tic, and code that places things.
 #pragma once
 
 #include <cstdint>

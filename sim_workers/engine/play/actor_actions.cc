@@ -126,7 +126,7 @@ Place beside(const Actor& actor, Angle angle, Fixed forward, Fixed right) {
           clamped_fixed(actor.y + ((forward * sine - right * cosine) >> kFracBits))};
 }
 
-/// Who really fired: a missile of a missile belongs to whoever fired the first.
+/// The true shooter: a missile of a missile belongs to the actor that fired the first.
 Actor* first_owner(World& world, Actor& actor) {
   Actor* owner = &actor;
   for (int step = 0; step < 16 && owner->has(ActorFlag::kMissile); ++step) {
@@ -307,7 +307,7 @@ void look(ActionCall& call, const Senses& senses) {
         if (target_of(world, self) != nullptr) start_hunt(call, senses.see_state);
         return;
       }
-      // Whoever lies in ambush waits until it sees who made the noise.
+      // A monster in ambush waits until it sees the source of the noise.
       if (!self.has(ActorFlag::kAmbush) || can_see(world, self, *heard)) {
         self.target_id = heard->id;
         start_hunt(call, senses.see_state);

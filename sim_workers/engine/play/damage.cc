@@ -136,7 +136,7 @@ void take_revenge(World& world, Actor& target, Actor* source) {
   if (source == nullptr || source == &target || source->has(ActorFlag::kNeverTarget)) return;
   const bool free_to_turn = target.threshold == 0 || target.has(ActorFlag::kQuickToRetaliate);
   if (!free_to_turn || target.has(ActorFlag::kNoTargetSwitch) || target.has(ActorFlag::kNoTarget)) return;
-  // Whoever is marked so is forgiven by other monsters (the arch-vile).
+  // An actor marked so is forgiven by other monsters (the arch-vile).
   if (source->player_index < 0 && source->has(ActorFlag::kNoTarget)) return;
   if (target.has(ActorFlag::kNoInfighting) && source->has(ActorFlag::kIsMonster)) return;
   target.last_enemy_id = target.target_id;

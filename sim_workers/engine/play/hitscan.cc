@@ -433,7 +433,7 @@ bool trace_path(World& world, Fixed x, Fixed y, Fixed dx, Fixed dy, bool lines, 
 }
 
 Aim aim_line(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed vertical_range) {
-  // Up and down: what was requested, else 35 degrees; whoever looks freely and without auto-aim gets half
+  // Up and down: what was requested, else 35 degrees; a player that looks freely without auto-aim gets half
   // a degree.
   Angle range = degrees_to_angle(kAimDegrees);
   const Player* player = world.player_of(shooter);

@@ -97,7 +97,7 @@ Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angl
   if (type == kNoType) return nullptr;
   constexpr Fixed kMissileAimRange = to_fixed(16 * 64);
   constexpr Angle kAimStep = 1u << 26;  // 5.6 degrees
-  // Whoever looks freely and does without auto-aim hits what it points at. For all others a missile turns to
+  // A player that looks freely without auto-aim hits what it points at. For all others a missile turns to
   // where the target was found, without auto-aim as well (measured).
   const bool exact = world.options().free_look && !world.options().autoaim;
   Aim aim = aim_line(world, body, angle, kMissileAimRange);

@@ -150,7 +150,7 @@ bool Movement::line_stops(const BlockLine& line, uint32_t flags, const Actor& bo
 
 bool Movement::missile_passes(Actor& missile, Actor& other) {
   if (!other.has(ActorFlag::kShootable)) return !other.has(ActorFlag::kSolid);
-  if (other.id == missile.target_id) return true;  // whoever fired it
+  if (other.id == missile.target_id) return true;  // the shooter
   if (other.has(ActorFlag::kGhost) && missile.has(ActorFlag::kThruGhost)) return true;
   Actor* source = world_.actor(missile.target_id);
   // Kin do not hurt each other with missiles, unless a quarrel is the rule; players are never kin.

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/art_archive.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
@@ -61,8 +63,7 @@ Expected<IndexedImage> read_picture(std::span<const uint8_t> lump, std::string_v
   image.width = cursor.u16(0), image.height = cursor.u16(2);
   image.left_offset = cursor.i16(4), image.top_offset = cursor.i16(6);
   if (image.width < 1 || image.height < 1 || image.width > kMaxPictureSize || image.height > kMaxPictureSize)
-    return broken(name, "a picture of " + std::to_string(image.width) + "x" + std::to_string(image.height) +
-                            " texels is not supported");
+    return broken(name, fmt::format("a picture of {}x{} texels is not supported", image.width, image.height));
   if (!cursor.holds(8, 4 * static_cast<std::size_t>(image.width)))
     return broken(name, "the column table reaches past the end");
   // Posts may overlap, but a lump that draws everything over and over is no picture.
@@ -71,13 +72,13 @@ Expected<IndexedImage> read_picture(std::span<const uint8_t> lump, std::string_v
     std::size_t offset = cursor.u32(8 + 4 * static_cast<std::size_t>(x));
     int top = -1;
     while (true) {
-      if (!cursor.holds(offset, 1)) return broken(name, "column " + std::to_string(x) + " has no end");
+      if (!cursor.holds(offset, 1)) return broken(name, fmt::format("column {} has no end", x));
       const int delta = cursor.u8(offset);
       if (delta == 0xFF) break;
-      if (!cursor.holds(offset, 4)) return broken(name, "column " + std::to_string(x) + " is cut short");
+      if (!cursor.holds(offset, 4)) return broken(name, fmt::format("column {} is cut short", x));
       const int length = cursor.u8(offset + 1);
       if (!cursor.holds(offset + 3, static_cast<std::size_t>(length) + 1))
-        return broken(name, "a post of column " + std::to_string(x) + " reaches past the end");
+        return broken(name, fmt::format("a post of column {} reaches past the end", x));
       budget -= length + 1;
       if (budget < 0) return broken(name, "its posts overlap too often");
       top =
@@ -212,7 +213,7 @@ Status ArtArchive::index_wad(std::span<const Lump> wad) {
     if (!cursor.holds(0, 4)) return broken("PNAMES", "shorter than its count");
     const uint32_t count = cursor.u32(0);
     if (count > 1u << 20 || !cursor.holds(4, std::size_t{8} * count))
-      return broken("PNAMES", "its count of " + std::to_string(count) + " names reaches past the end");
+      return broken("PNAMES", fmt::format("its count of {} names reaches past the end", count));
     for (uint32_t i = 0; i < count; ++i) names->push_back(cursor.name(4 + std::size_t{8} * i));
     for (const char* table : {"TEXTURE1", "TEXTURE2"})
       if (tables.contains(table)) COMRAD_TRY(read_textures(tables[table], table, names));
@@ -258,11 +259,10 @@ Status ArtArchive::read_textures(std::span<const uint8_t> lump, std::string_view
   if (!cursor.holds(0, 4)) return broken(lump_name, "shorter than its count");
   const uint32_t count = cursor.u32(0);
   if (count > 1u << 20 || !cursor.holds(4, std::size_t{4} * count))
-    return broken(lump_name, "its count of " + std::to_string(count) + " textures reaches past the end");
+    return broken(lump_name, fmt::format("its count of {} textures reaches past the end", count));
   for (uint32_t i = 0; i < count; ++i) {
     const std::size_t offset = cursor.u32(4 + std::size_t{4} * i);
-    if (!cursor.holds(offset, 22))
-      return broken(lump_name, "texture " + std::to_string(i) + " lies past the end");
+    if (!cursor.holds(offset, 22)) return broken(lump_name, fmt::format("texture {} lies past the end", i));
     Texture texture;
     const std::string name = cursor.name(offset);
     texture.width = cursor.u16(offset + 12), texture.height = cursor.u16(offset + 14);
@@ -276,8 +276,8 @@ Status ArtArchive::read_textures(std::span<const uint8_t> lump, std::string_view
       const std::size_t at = offset + 22 + p * 10;
       const uint32_t patch = cursor.u16(at + 4);
       if (patch >= patch_names->size())
-        return broken(lump_name, "texture " + name + " names patch " + std::to_string(patch) + " of " +
-                                     std::to_string(patch_names->size()));
+        return broken(lump_name,
+                      fmt::format("texture {} names patch {} of {}", name, patch, patch_names->size()));
       texture.patches.push_back({.x = cursor.i16(at), .y = cursor.i16(at + 2), .patch = patch});
     }
     texture.patch_names = patch_names;
@@ -324,7 +324,7 @@ void ArtArchive::finish(IndexedImage* image, const std::vector<bool>& covered) c
 }
 
 Expected<IndexedImage> ArtArchive::sprite_image(uint32_t lump) const {
-  if (lump >= lumps_.size()) return Error{ErrorCode::kNotFound, "no lump number " + std::to_string(lump)};
+  if (lump >= lumps_.size()) return Error{ErrorCode::kNotFound, fmt::format("no lump number {}", lump)};
   return picture(lumps_[lump]);
 }
 

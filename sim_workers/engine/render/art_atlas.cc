@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/art_atlas.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstring>
 
@@ -46,7 +48,7 @@ Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
   const int width = image.width + kBorder, height = image.height + kBorder;
   if (width > kAtlasWidth)
     return Error{ErrorCode::kUnsupported,
-                 "a picture " + std::to_string(image.width) + " texels wide does not fit the atlas"};
+                 fmt::format("a picture {} texels wide does not fit the atlas", image.width)};
   Shelf* best = nullptr;
   for (Shelf& shelf : shelves_) {
     if (shelf.height < height || shelf.used_width + width > kAtlasWidth ||
@@ -56,9 +58,8 @@ Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
   }
   if (best == nullptr) {
     if (next_top_ + height > kAtlasHeightMax)
-      return Error{ErrorCode::kNoSpace, "the level's art does not fit the atlas of " +
-                                            std::to_string(kAtlasWidth) + "x" +
-                                            std::to_string(kAtlasHeightMax) + " texels"};
+      return Error{ErrorCode::kNoSpace, fmt::format("the level's art does not fit the atlas of {}x{} texels",
+                                                    kAtlasWidth, kAtlasHeightMax)};
     shelves_.push_back({.top = next_top_, .height = height, .used_width = 0});
     next_top_ += height;
     best = &shelves_.back();

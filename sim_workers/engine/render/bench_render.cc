@@ -5,6 +5,8 @@
 // room: one world of 2048 x 2048 units with 20 walking monsters; each decision is 4 tics and a view per
 // player. walk: a map of the IWAD (--map, default MAP01) along a walk of one player, which is played before
 // the clock starts.
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -87,7 +89,7 @@ void write_pictures(const std::string& prefix, std::span<const uint8_t> frames, 
                     int height) {
   const std::size_t plane = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   for (int v = 0; v < count; ++v)
-    (void)write_png(prefix + "_" + std::to_string(v) + ".png",
+    (void)write_png(fmt::format("{}_{}.png", prefix, v),
                     frames.subspan(3 * plane * static_cast<std::size_t>(v), 3 * plane), width, height);
 }
 
@@ -227,7 +229,7 @@ int run_walk(Renderer& renderer, const RenderOptions& options, const std::shared
   for (std::size_t i = 0; i < walk.size(); ++i) {
     show(walk[i]);
     if (!picture.empty() && i % 200 == 0)
-      write_pictures(picture + "_" + std::to_string(i), frame, 1, options.width, options.height);
+      write_pictures(fmt::format("{}_{}", picture, i), frame, 1, options.width, options.height);
   }
   drawn = 0;
   const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);

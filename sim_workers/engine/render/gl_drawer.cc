@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/gl_drawer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -93,10 +95,9 @@ Expected<std::unique_ptr<ViewDrawer>> create_gl_drawer(const RenderOptions& opti
                                                        const Projection& projection, ArtAtlas* atlas,
                                                        ColorTables* colors) {
   if (projection.rows < 1)
-    return Error{ErrorCode::kBadInput,
-                 std::string("renderer ") + word_of(options.renderer) + ": a picture of " +
-                     std::to_string(options.width) + "x" + std::to_string(options.height) +
-                     " has no row above the status bar; draw a higher one, or use painter"};
+    return Error{ErrorCode::kBadInput, fmt::format("renderer {}: a picture of {}x{} has no row above the "
+                                                   "status bar; draw a higher one, or use painter",
+                                                   word_of(options.renderer), options.width, options.height)};
   COMRAD_TRY_ASSIGN(std::unique_ptr<ContextProvider> context,
                     options.renderer == RendererKind::kEgl ? create_egl_context() : create_osmesa_context());
   COMRAD_TRY_ASSIGN(std::unique_ptr<Rasterizer> rasterizer,

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/png_image.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <png.h>
 
 #include <algorithm>
@@ -50,10 +52,10 @@ Expected<RgbaImage> decode_png(std::span<const uint8_t> lump, std::string_view n
   if (!png_image_begin_read_from_memory(&reader, lump.data(), lump.size())) return broken(reader.message);
   RgbaImage image;
   if (reader.width < 1 || reader.height < 1 || reader.width > kPngSideMax || reader.height > kPngSideMax) {
-    const std::string size = std::to_string(reader.width) + "x" + std::to_string(reader.height);
+    const std::string size = fmt::format("{}x{}", reader.width, reader.height);
     png_image_free(&reader);
-    return broken("a picture of " + size + " texels is not supported; " + std::to_string(kPngSideMax) +
-                  " a side is the most");
+    return broken(
+        fmt::format("a picture of {} texels is not supported; {} a side is the most", size, kPngSideMax));
   }
   image.width = static_cast<int>(reader.width), image.height = static_cast<int>(reader.height);
   reader.format = PNG_FORMAT_RGBA;

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/rasterizer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
@@ -212,9 +214,9 @@ Expected<const Rasterizer::Target*> Rasterizer::target(int pictures, bool blende
   const GLenum buffers[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   gl_.DrawBuffers(blended ? 2 : 1, buffers);
   if (gl_.CheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    return Error{ErrorCode::kUnsupported, "OpenGL gives no framebuffer of 32-bit integers of " +
-                                              std::to_string(width_) + "x" + std::to_string(rows_) + "x" +
-                                              std::to_string(layers)};
+    return Error{
+        ErrorCode::kUnsupported,
+        fmt::format("OpenGL gives no framebuffer of 32-bit integers of {}x{}x{}", width_, rows_, layers)};
   target.framebuffer = framebuffers[0];
   return &target;
 }

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/renderer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -250,9 +252,8 @@ class StripRenderer : public Renderer {
 Expected<std::unique_ptr<Renderer>> Renderer::create(std::shared_ptr<const ArtArchive> art,
                                                      const RenderOptions& options) {
   if (options.width < 1 || options.height < 1 || options.width > kSizeMax || options.height > kSizeMax)
-    return Error{ErrorCode::kBadInput, "render size " + std::to_string(options.width) + "x" +
-                                           std::to_string(options.height) +
-                                           ": each side must be 1 to 4096 pixels"};
+    return Error{ErrorCode::kBadInput, fmt::format("render size {}x{}: each side must be 1 to 4096 pixels",
+                                                   options.width, options.height)};
   if (!(options.fov_degrees >= 5 && options.fov_degrees <= 170) || !(options.screen_aspect > 0.1))
     return Error{ErrorCode::kBadInput,
                  "field of view must be 5 to 170 degrees and the screen aspect positive"};

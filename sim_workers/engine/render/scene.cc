@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/scene.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cmath>
 #include <cstdio>
 
@@ -82,7 +84,7 @@ std::vector<std::string> sky_textures(const std::string& map_name) {
   else if (std::sscanf(map_name.c_str(), "E%dM%d", &episode, &map) == 2 && episode >= 1 && episode <= 4)
     sky = episode;
   std::vector<std::string> names;
-  for (const char* prefix : {"RSKY", "SKY"}) names.push_back(prefix + std::to_string(sky));
+  for (const char* prefix : {"RSKY", "SKY"}) names.push_back(fmt::format("{}{}", prefix, sky));
   if (sky != 1) names.insert(names.end(), {"RSKY1", "SKY1"});
   return names;
 }

@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/status_bar.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <string>
 
@@ -139,7 +141,7 @@ Expected<StatusBar> StatusBar::create(const ArtArchive& archive) {
     COMRAD_TRY_ASSIGN(bar.yellow_[digit], archive.graphic("STYSNUM" + number));
   }
   for (std::size_t key = 0; key < 6; ++key) {
-    COMRAD_TRY_ASSIGN(bar.keys_[key], archive.graphic("STKEYS" + std::to_string(key)));
+    COMRAD_TRY_ASSIGN(bar.keys_[key], archive.graphic(fmt::format("STKEYS{}", key)));
   }
   for (std::size_t pain = 0; pain < 5; ++pain) {
     const std::string level = std::to_string(pain);

@@ -107,7 +107,7 @@ std::optional<int32_t> execute_line_special(World& world, const SpecialCall& cal
       return 0;
     case Special::kClearForceField:  // tag
       return set_force_field(world, a[0], false);
-    case Special::kGlassBreak: {  // the pane goes, whoever stood behind it can be seen
+    case Special::kGlassBreak: {  // the pane goes, actors behind it can be seen
       if (call.line < 0) return 0;
       const Linedef& linedef = world.level().linedefs[static_cast<std::size_t>(call.line)];
       if (!linedef.back) return 0;

@@ -164,7 +164,7 @@ Destination carried_over(const Actor& body, const Actor& from, const Actor& to) 
           clamped_fixed(int64_t{body.z} - from.z + to.z), body.angle + turned};
 }
 
-/// Whoever crosses a line comes out of another one, as if both were one. `flip`: on its other side.
+/// An actor that crosses a line comes out of another one, as if both were one. `flip`: on its other side.
 bool travel_by_line(World& world, Actor& actor, uint32_t from_line, uint32_t to_line, bool flip) {
   const Level& level = world.level();
   const auto ends = [&](uint32_t line) {

@@ -200,7 +200,7 @@ int32_t hate(World& world, const SpecialCall& call) {
   return haters > 0;
 }
 
-/// Thing_SetGoal: thing, patrol point, wait in seconds, keeps to its way whoever it meets.
+/// Thing_SetGoal: thing, patrol point, wait in seconds, keeps to its way when it meets enemies.
 int32_t set_goal(World& world, const SpecialCall& call) {
   const auto& a = call.args;
   Actor* goal = a[1] != 0 ? world.find_thing(a[1]) : nullptr;

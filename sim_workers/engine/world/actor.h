@@ -22,7 +22,7 @@ enum Direction : uint8_t {
   kNoDirection
 };
 
-/// References to it hold until the end of the tic (World keeps actors in place); whoever remembers one longer
+/// References to it hold until the end of the tic (World keeps actors in place); code that remembers one longer
 /// keeps its id. Another actor is named by id too: 0 is nobody, and the one named may be gone.
 struct Actor {
   uint32_t id = 0;    ///< never reused inside a world
@@ -61,7 +61,7 @@ struct Actor {
   Direction move_direction = kNoDirection;
   int32_t move_count = 0;
   int32_t reaction_tics = 0;
-  int32_t threshold = 0;  ///< tics that it keeps its target whoever hurts it
+  int32_t threshold = 0;  ///< tics that it keeps its target when others hurt it
   int32_t last_look_player = 0;
   int32_t special_1 = 0, special_2 = 0;
 

@@ -104,7 +104,7 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   actor.reaction_tics = is_fast() && type.flags.has(ActorFlag::kIsMonster) ? 0 : type.reaction_tics;
   actor.spawn_x = x, actor.spawn_y = y, actor.spawn_z = actor.z, actor.spawn_angle = angle;
   actor.spawn_tic = state_.tic_count;
-  // A quirk of Doom's: whoever is born has been walking east, and does not turn about at once.
+  // A quirk of Doom's: a newly spawned monster faces east and cannot reverse on its first step.
   actor.move_direction = kEast;
   // The first state begins without its action, as in Doom.
   actor.state = type.state(StateLabel::kSpawn);
