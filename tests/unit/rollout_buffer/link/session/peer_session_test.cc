@@ -132,13 +132,13 @@ TEST(PeerSession, CarriesEveryItemOnceAndInOrderOverAGoodLine) {
 }
 
 TEST(PeerSession, CarriesEveryItemOnceAndInOrderOverAnyLineAndAnyDeath) {
-  for (uint64_t seed = 0; seed < 200; ++seed) {
+  for (uint64_t seed = 0; seed < 100; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Rng draws(seed + 1000);
     Link link(seed, {.loss = draws.uniform() * 0.3,
                      .duplication = draws.uniform() * 0.2,
                      .delay_s = draws.uniform() * 0.2,
-                     .jitter_s = draws.uniform() * 0.5});
+                     .jitter_s = draws.uniform() * 3});
     constexpr uint64_t kItems = 60;
     double trouble_until_s = 0;
     // An hour at most: with a third of all lost and each loss sent again after 3 s it takes minutes.
@@ -146,7 +146,7 @@ TEST(PeerSession, CarriesEveryItemOnceAndInOrderOverAnyLineAndAnyDeath) {
       link.turn(kItems);
       if (link.now_s_ < trouble_until_s) continue;
       link.cut(false);
-      switch (draws.below(400)) {
+      switch (draws.below(120)) {
         case 0:
           link.begin_sender();
           break;
