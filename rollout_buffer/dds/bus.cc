@@ -15,7 +15,7 @@ namespace {
 constexpr int kBusVersion = 5;  // part of the partition: builds that disagree on comrad.idl do not meet
 constexpr int kEpisodeHistory = 1000;
 constexpr std::size_t kMaxPending =
-    4096;  // statuses kept for a caller that only asks who was lost, or the reverse
+    4096;  // statuses kept for a caller that reads only losses, or only statuses
 
 template <typename T>
 void forget_oldest(std::vector<T>& pending) {

@@ -90,13 +90,13 @@ class Bus {
   std::optional<TrainStats> take_train_stats();  ///< newest
 
   /// Blocks until something lies ready on any reader made so far (by its first take), or `timeout_ms`. True
-  /// if something does. Whoever waits takes from every reader it made, or the next wait returns at once.
+  /// if something does. The waiting thread takes from every reader it made, or the next wait returns at once.
   bool wait(int timeout_ms);
 
  private:
   struct State;
   explicit Bus(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;  // only bus.cc knows Cyclone
+  std::unique_ptr<State> state_;  // only bus.cc includes Cyclone
 };
 
 }  // namespace comrad::dds

@@ -77,7 +77,7 @@ Status validate(const BusConfig& config) {
   if (!is_loopback(config.interface_name) && config.key_folder.empty() && !config.allows_insecure_network)
     return refuse(
         interface +
-        " is not a loopback interface of this host, and nothing keeps strangers of a network out: what "
+        " is not a loopback interface of this host, and nothing keeps unknown peers of a network out: what "
         "they send would be learned from. Make keys with `comrad keys make FOLDER --hosts a,b` and name this "
         "host's with --keys; or, where every machine of that network is trusted, say --insecure_network");
   if (if_nametoindex(config.interface_name.c_str()) == 0)

@@ -1,4 +1,4 @@
-// Where participants meet: the interface, the ports, who is asked first, and Cyclone's configuration made of these. A
+// Where participants meet: the interface, the ports, the first peers, and Cyclone's configuration made of these. A
 // run's own bus stays on loopback; the link between hosts (link_bus.h) may be put on a network.
 #pragma once
 
@@ -16,7 +16,7 @@ struct BusConfig {
   uint32_t domain_id = 0;
   std::string interface_name = "lo";
   std::vector<std::string> peers = {
-      "127.0.0.1"};                 ///< IPv4 addresses that are asked for participants; all unicast
+      "127.0.0.1"};                 ///< IPv4 addresses that are queried for participants; all unicast
   uint32_t port_base = 7400;        ///< the domain's ports are port_base + 250 * domain_id and up
   uint32_t receive_buffer_mb = 10;  ///< of a socket, where the kernel allows as much
   /// Of a UDP datagram. What an interface does not carry in one piece (its MTU) the kernel cuts, and keeps what came of it for
@@ -24,10 +24,10 @@ struct BusConfig {
   uint32_t datagram_bytes = 65500;
   int max_participants = 120;       ///< of one host in this domain
   bool looks_every_second = false;  ///< for participants, so that a network that was gone is soon back
-  /// Folder of this host's keys (keys.h): participants prove who they are, and what they send is encrypted. Empty: none.
+  /// Folder of this host's keys (keys.h): participants prove their identity, and what they send is encrypted. Empty: none.
   std::string key_folder = {};
   bool needs_keys_of_run = false;  ///< this end serves, which only the run's own identity may
-  /// Another interface than loopback may be used although nothing keeps strangers of that network out.
+  /// Another interface than loopback may be used although nothing keeps unknown peers of that network out.
   bool allows_insecure_network = false;
 };
 

@@ -61,7 +61,7 @@ Expected<std::string> open_signed(const std::string& path, const std::string& by
   const StorePtr store(X509_STORE_new());
   const BioPtr text(BIO_new(BIO_s_mem()));
   X509_STORE_add_cert(store.get(), authority);
-  X509_STORE_set_flags(store.get(), X509_V_FLAG_NO_CHECK_TIME);  // dates have a message of their own
+  X509_STORE_set_flags(store.get(), X509_V_FLAG_NO_CHECK_TIME);  // dates have a separate message
   if (PKCS7_verify(document.get(), nullptr, store.get(), content, text.get(), PKCS7_TEXT) != 1) {
     openssl_reason();
     return bad(path, std::string("is not what the authority of ") + kAuthorityFile +
@@ -120,7 +120,7 @@ Expected<KeyIdentity> check_keys(const std::string& folder) {
     return Error{ErrorCode::kBadInput,
                  path_of(kKeyFile) +
                      ": other users of this host may read it; `chmod 600` it, and make new "
-                     "keys if somebody could have"};
+                     "keys if another user could have"};
 
   const CertificatePtr authority = certificate_of(bytes[kAuthorityFile]);
   if (authority == nullptr)
@@ -162,7 +162,8 @@ Expected<KeyIdentity> check_keys(const std::string& folder) {
   }
   const std::string unit = field_of(identity.get(), NID_organizationalUnitName);
   if (unit != kRunUnit && unit != kHostUnit)
-    return bad(path_of(kIdentityFile), "says neither run nor host in its unit; `comrad keys` makes such");
+    return bad(path_of(kIdentityFile),
+               "names neither run nor host in its unit; create it with `comrad keys`");
   found.role = unit == kRunUnit ? KeyRole::kRun : KeyRole::kHost;
   unsigned char digest[EVP_MAX_MD_SIZE];
   unsigned int size = 0;
@@ -175,7 +176,7 @@ Expected<KeyIdentity> check_keys(const std::string& folder) {
 }
 
 Expected<std::string> security_plugins() {
-  // Where Cyclone itself was loaded from; a plugin belongs to the library of its own build.
+  // Where Cyclone itself was loaded from; a plugin belongs to the library of the same build.
   Dl_info library{};
   std::string beside;
   if (dladdr(reinterpret_cast<void*>(&dds_create_participant), &library) != 0 &&

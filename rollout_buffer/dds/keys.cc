@@ -37,7 +37,7 @@ struct Authority {
 };
 
 Error openssl_error(const std::string& what) {
-  return Error{ErrorCode::kSystem, "cannot " + what + ": OpenSSL says " + openssl_reason()};
+  return Error{ErrorCode::kSystem, "cannot " + what + ": OpenSSL reports: " + openssl_reason()};
 }
 
 Status check_request(const KeyRequest& request) {
@@ -157,7 +157,7 @@ constexpr const char* kDocumentHead =
     R"(<dds xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation=)";
 constexpr const char* kAllDomains = "<domains><id_range><min>0</min><max>230</max></id_range></domains>\n";
 
-/// What holds for all that meet. Strangers may not even be seen; every message of ours is encrypted, with its
+/// What holds for all that meet. Unknown peers stay invisible; every message of ours is encrypted, with its
 /// authenticity, once: as a submessage, where discovery, heartbeats and data alike pass through.
 std::string governance() {
   return std::string(kDocumentHead) +

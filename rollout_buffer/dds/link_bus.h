@@ -1,5 +1,5 @@
 // The link between hosts: what a host that plays for a learner of another host and that learner's host exchange. A
-// participant of its own, apart from the run's bus, so that a network reaches nothing but these topics.
+// participant apart from the run's bus, so that a network reaches nothing but these topics.
 #pragma once
 
 #include <cstddef>
@@ -58,7 +58,7 @@ class Words {
 // The messages travel as they lie in memory, up to `payload`: a change bumps kLinkVersion. What arrives has the right
 // size, and every number and every byte of it is its sender's.
 
-/// What a host that plays for another one's learner reports of itself, on both links. The first one asks for places.
+/// What a host that plays for another one's learner reports of itself, on both links. The first one requests places.
 struct PeerHello {
   uint64_t peer_id = 0;
   uint64_t fingerprint = 0;  ///< of the offer that it plays

@@ -44,7 +44,7 @@ inline std::string text_of(BIO* memory) {
   return size > 0 ? std::string(data, static_cast<std::size_t>(size)) : std::string();
 }
 
-/// A PEM with a password would ask for it on the terminal; here it just fails.
+/// A PEM with a password would prompt for it on the terminal; here it just fails.
 inline int no_password(char*, int, int, void*) { return -1; }
 
 inline CertificatePtr certificate_of(const std::string& pem) {

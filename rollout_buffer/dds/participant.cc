@@ -38,7 +38,7 @@ void log_cyclone(void*, const dds_log_data_t* data) {
   std::string_view text(data->message, data->size);
   while (!text.empty() && (text.back() == '\n' || text.back() == '\0')) text.remove_suffix(1);
   if (is_about_a_stranger(text)) {
-    spdlog::debug("cyclonedds: {}", text);  // again every second; Strangers says it once
+    spdlog::debug("cyclonedds: {}", text);  // again every second; UnknownPeers reports it once
   } else if (data->priority & (DDS_LC_FATAL | DDS_LC_ERROR)) {
     spdlog::error("cyclonedds: {}", text);
   } else {
@@ -59,8 +59,8 @@ bool drop_packets_from_elsewhere(int descriptor) {
   return setsockopt(descriptor, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
 }
 
-// Cyclone 0.10 sends from the interface it is told but binds its receive sockets to 0.0.0.0, whatever the
-// configuration says. Ties those of the domain to the interface.
+// Cyclone 0.10 sends from the given interface but binds its receive sockets to 0.0.0.0, whatever the
+// configuration is. Ties those of the domain to the interface.
 Status keep_sockets_on_interface(const BusConfig& config) {
   const PortRange ports = ports_of(config);
   const bool is_local = is_loopback(config.interface_name);
@@ -89,7 +89,7 @@ Status keep_sockets_on_interface(const BusConfig& config) {
   return status;
 }
 
-// A process has one Cyclone domain object per domain id, made with the configuration of whoever came
+// A process has one Cyclone domain object per domain id, made with the configuration of the bus that came
 // first; buses of the same run share it, and the last one to go deletes it and with it Cyclone's threads
 // and sockets.
 struct DomainUse {
@@ -197,7 +197,7 @@ Error Participant::error(dds_return_t code, const std::string& what) const {
   if (code == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY)
     return Error{ErrorCode::kBadInput,
                  "DDS: cannot " + what + ": " + config_.key_folder +
-                     "/permissions.p7s does not allow it; `comrad keys show` says whose keys these are"};
+                     "/permissions.p7s does not allow it; `comrad keys show` names the host of these keys"};
   return dds_error(code, what, config_);
 }
 

@@ -53,7 +53,7 @@ class Participant {
   }
   /// Whether every reader has all that was written. Does not wait.
   bool is_acknowledged(int topic) const;
-  /// Tells readers that the instance of this key is gone.
+  /// Reports to readers that the instance of this key is gone.
   void dispose(int topic, const void* key);
 
   /// Calls `visit(sample, info)` for all that lies ready, oldest first. The caller holds mutex(), where several threads

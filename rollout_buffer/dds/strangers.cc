@@ -8,11 +8,11 @@ namespace {
 
 constexpr double kBetweenLooks_s = 1;
 constexpr double kPatience_s = 8;  // a handshake takes 0.3 s; on a busy host seconds
-constexpr int kMostLines = 20;     // whoever makes a new participant for each line must not fill the disk
+constexpr int kMostLines = 20;     // a peer with a new participant for each line must not fill the disk
 constexpr std::size_t kMostGuests = 1000;
 constexpr std::size_t kMostShownBytes = 64;
 
-// What another host says of itself, fit for a log.
+// Another host's description of itself, fit for a log.
 std::string printable(const char* text) {
   std::string name = text == nullptr ? "" : std::string(text).substr(0, kMostShownBytes);
   for (char& letter : name)
@@ -87,7 +87,7 @@ void Strangers::look() {
     guest.is_written = true;
     if (++lines_ > kMostLines) continue;
     spdlog::warn(
-        "refused a participant (by its own words {}) that knows this link's id but has no key of the same "
+        "refused a participant (by its own words {}) with this link's id but without a key of the same "
         "authority: "
         "it gets nothing and is not listened to{}",
         guest.who, lines_ == kMostLines ? "; more such are not logged" : "");

@@ -1,4 +1,4 @@
-// Says in one log line that somebody without our keys is there. Cyclone's plugins keep such a participant out: it is seen,
+// Logs one line for each unknown peer without our keys. Cyclone's plugins keep such a participant out: it is seen,
 // but no writer or reader of it ever is.
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace comrad::dds {
 
-/// Whether a line of Cyclone's log only says that a handshake failed, or that somebody was refused.
+/// Whether a line of Cyclone's log only reports a failed handshake or a refused peer.
 bool is_about_a_stranger(std::string_view line);
 
 /// Threads: one.

@@ -150,9 +150,9 @@ TEST(Hosts, WhatCannotBeServedOrJoinedIsRefusedBeforeAnythingIsWritten) {
   };
   EXPECT_THAT(refused({"--serve", "--deterministic"}), HasSubstr("asynchronous runs"));
   EXPECT_THAT(refused({"--serve", "--interface", "no-such"}), HasSubstr("no-such"));
-  const Ending nobody = comrad({"join", "127.0.0.1/0123456789abcdef", "--wait_s", "1"});
-  EXPECT_NE(nobody.exit_code, 0);
-  EXPECT_THAT(nobody.err, HasSubstr("nobody answered within 1 s at 127.0.0.1"));
+  const Ending nothing = comrad({"join", "127.0.0.1/0123456789abcdef", "--wait_s", "1"});
+  EXPECT_NE(nothing.exit_code, 0);
+  EXPECT_THAT(nothing.err, HasSubstr("no answer within 1 s at 127.0.0.1"));
   EXPECT_THAT(comrad({"join", "somewhere"}).err, HasSubstr("is no address of a run"));
 }
 

@@ -226,7 +226,7 @@ void FrameReceiver::mirror(FramePeer& peer, const FrameRequest& request, const F
   }
   const bool is_first = request.step == 0 && request.kind == static_cast<uint32_t>(RequestKind::kAct);
   const bool is_known = (one.is_out || one.is_answered) && is_same(request, one.request);
-  if (is_known || one.is_out) {  // what a new simulator asks in place of a dead one comes again in time
+  if (is_known || one.is_out) {  // requests of a dead simulator's successor come again in time
     ++peer.record.duplicates;
     if (is_known && is_first &&
         std::exchange(one.counted_epoch, peer.session.epoch()) != peer.session.epoch())
@@ -246,7 +246,7 @@ void FrameReceiver::mirror(FramePeer& peer, const FrameRequest& request, const F
   if (request.step > 0) {
     const int last = static_cast<int>(request.step) - 1;
     slab.valid(last) = 1;
-    if (slab.terminated(last) && slab.final_index(last) >= 0) {  // nobody asks for it; it is worth nothing
+    if (slab.terminated(last) && slab.final_index(last) >= 0) {  // no request reads it; it is worth nothing
       const int row = slab.final_index(last);
       for (int agent = 0; agent < slab.shape().env.num_agents; ++agent) {
         slab.final_value(row, agent) = 0;
@@ -333,7 +333,7 @@ void FrameReceiver::finish(FramePeer& peer, Mirror& one) {
   answer(peer, one);
 }
 
-/// What does not fit is asked for again.
+/// What does not fit is requested again.
 void FrameReceiver::answer(FramePeer& peer, const Mirror& one) {
   if (peer.payload.size() < dds::kChunkBytes / 2) add_answer(peer.payload, one.answer, one.choices);
 }

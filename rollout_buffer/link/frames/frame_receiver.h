@@ -48,7 +48,7 @@ class FrameReceiver final : public ServingEnd {
     std::vector<int32_t> choices;  ///< of `answer`
     std::deque<Copy> whole;
     std::deque<std::pair<uint64_t, bool>>
-        answered;  ///< rollouts, and whether they were sealed: asked again, told again
+        answered;  ///< rollouts, and whether they were sealed: requested again, reported again
   };
   struct FramePeer final : Peer {
     std::vector<Mirror> mirrors;  ///< by the host's own environment index

@@ -34,7 +34,7 @@ Status FrameSender::begin() {
     return Error{ErrorCode::kBadInput, "the observations of one environment take " + std::to_string(largest) +
                                            " bytes, more than the frame link carries at once (" +
                                            std::to_string(dds::kFrameBatchBytes) +
-                                           "); give this host policy workers of its own"};
+                                           "); give this host its own policy workers"};
   shm::WorkerCounters& counters = arena_.policy_counters(0);
   counters.begin_life();
   if (const int orphans = arena_.reclaim_policy_worker(0); orphans > 0)
@@ -93,7 +93,7 @@ FrameRequest FrameSender::request_of(const shm::StepSlot& slot, int env) const {
   return request;
 }
 
-/// A first row begins a trajectory on the other end, which says how many it has room for.
+/// A first row begins a trajectory on the other end, which limits how many it has room for.
 bool FrameSender::may_begin(const shm::StepSlot& slot) const {
   return slot.step > 0 || slot.kind != RequestKind::kAct || session_.has_credit(begun_);
 }
@@ -215,7 +215,7 @@ bool FrameSender::take_actions() {
   return has_moved;
 }
 
-/// The other end has given this host other places: it knows nothing of what was asked, and counts from 0.
+/// The other end has given this host other places: it has no record of earlier requests, and counts from 0.
 void FrameSender::renew() {
   begun_ = batch_index_ = 0;
   for (Pending& pending : pending_) {
@@ -284,7 +284,7 @@ void FrameSender::drain() {
   give_back_done();
 }
 
-/// Says that the simulator has sealed its slab.
+/// Reports that the simulator has sealed its slab.
 FrameRequest FrameSender::sealed_request_of(uint32_t slab) const {
   const shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slab));
   FrameRequest request;
@@ -295,7 +295,7 @@ FrameRequest FrameSender::sealed_request_of(uint32_t slab) const {
   return request;
 }
 
-/// Puts into the batch what the other end has to seal and was not told of. Whether there was any.
+/// Puts into the batch what the other end has to seal and was not notified of. Whether there was any.
 bool FrameSender::send_sealed() {
   bool has_any = false;
   for (uint64_t index = in_hand_.first_index(); index < in_hand_.end_index(); ++index) {

@@ -1,6 +1,6 @@
 // The end of the frame link on a host with simulators and no policy: on the arena of that host it stands where the policy
 // worker stands, and where the learner stands. It sends what simulators commit and scatters the actions that come back. The
-// other end has a copy of each slab; when a simulator seals one, it is told to seal its own. Stages: gather, scatter, drain.
+// other end has a copy of each slab; when a simulator seals one, it is notified to seal its own. Stages: gather, scatter, drain.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ struct FrameSenderOptions : SendingOptions {
 };
 
 /// Nothing is lost where this process is killed and starts again on the same arena: what its predecessor had in hand is
-/// sent again, and the other end knows what it has. Delivered is what the other end has sealed. Threads: one.
+/// sent again, and the other end keeps count of what it has. Delivered is what the other end has sealed. Threads: one.
 class FrameSender final : public SendingEnd {
  public:
   /// The arena has one policy worker, this one.

@@ -97,7 +97,7 @@ Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& byt
 /// one that carried more decisions a second; now and then it tries the other one again. Threads: one.
 class CompressionChoice {
  public:
-  /// Says that so many decisions came back; `now_s` is any clock's.
+  /// Reports that so many decisions came back; `now_s` is any clock's.
   void count(uint64_t decisions, double now_s);
   bool is_compressed() const { return is_compressed_; }
   double rate(bool compressed) const { return rates_[compressed]; }

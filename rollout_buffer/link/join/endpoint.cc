@@ -131,7 +131,7 @@ dds::JoinAnswer JoinEndpoint::answer(const dds::JoinQuestion& question) const {
     if (!bytes || bytes->size() != found->bytes || checksum_of(*bytes) != found->checksum)
       return refuse(name + " has changed since the run began; restart the run that serves");
   } else {
-    return refuse("the question asks for neither an offer nor a file nor a ping");
+    return refuse("the question is neither for an offer nor a file nor a ping");
   }
   const uint64_t offset = std::min<uint64_t>(number_in(asked, "offset"), bytes->size());
   answer.text = json{{"bytes", bytes->size()}, {"offset", offset}}.dump();
@@ -171,7 +171,7 @@ Expected<dds::JoinAnswer> JoinClient::ask(const std::string& text) {
   }
   if (!answer)
     return Error{ErrorCode::kTimeout,
-                 "nobody answered within " + std::to_string(static_cast<int>(timeout_s_)) + " s"};
+                 "no answer within " + std::to_string(static_cast<int>(timeout_s_)) + " s"};
   const json said = json::parse(answer->text, nullptr, /*allow_exceptions=*/false);
   if (!said.is_object()) return Error{ErrorCode::kBadFormat, "the answer is no JSON object"};
   if (said.contains("error")) return Error{ErrorCode::kBadInput, text_in(said, "error")};

@@ -34,7 +34,7 @@ struct Offer {
 
 /// The offer as it is sent; its checksum64 is the run's fingerprint, by which both ends know that they mean the same game.
 std::string text_of(const Offer& offer, bool with_paths);
-/// Reads what another host or a file says. Errors: kBadFormat; a file's name never leads out of a folder.
+/// Reads the text of another host or a file. Errors: kBadFormat; a file's name never leads out of a folder.
 Expected<Offer> parse_offer(const std::string& text);
 uint64_t fingerprint_of(const Offer& offer);
 
@@ -64,7 +64,7 @@ class JoinClient {
   Expected<Offer> offer();
   /// The bytes of a file of the offer, checked. Errors: as offer().
   Expected<std::string> file(const OfferedFile& file);
-  /// Asks for `bytes` bytes of nothing, at most dds::kChunkBytes. The other host's wall clock, seconds. Errors: as offer().
+  /// Requests `bytes` bytes of padding, at most dds::kChunkBytes. The other host's wall clock, seconds. Errors: as offer().
   Expected<double> ping(std::size_t bytes);
 
  private:

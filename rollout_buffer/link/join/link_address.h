@@ -14,7 +14,7 @@ namespace comrad::link {
 
 constexpr const char* kLoopback = "lo";
 constexpr const char* kLinkIdFile =
-    "link_id";  ///< in a run that serves: the link's id, kept when the run goes on
+    "link_id";  ///< in a run that serves: the link's id, kept when the run continues
 constexpr const char* kKeysFile =
     "link_keys";  ///< in a run of several hosts: the path of this host's keys, if any
 constexpr const char* kAddressFile =
@@ -49,7 +49,7 @@ Expected<std::string> interface_towards(const std::string& host);
 /// The first IPv4 address of an interface. Errors: kNotFound.
 Expected<std::string> address_of_interface(const std::string& interface_name);
 
-/// The configurations of both ends. That of the serving one names no peer: it answers who asks.
+/// The configurations of both ends. That of the serving one names no peer: it answers each question's sender.
 struct LinkOptions {
   std::string interface_name = kLoopback;
   uint32_t port_base = 7400;

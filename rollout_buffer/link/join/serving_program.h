@@ -18,8 +18,8 @@ inline Expected<dds::LinkBus> open_serving_bus(const shm::WorkerShell& shell, co
       serving_config(address.link_id, link_options(config.hosts, kLoopback, kept_keys(shell.run_dir()))));
 }
 
-/// Runs one end until the program is to stop. Once a second it writes how each host stands, and asks
-/// those to leave that are to.
+/// Runs one end until the program is to stop. Once a second it writes each host's state, and requests
+/// hosts to leave that are to.
 inline Status serve(const shm::WorkerShell& shell, ServingEnd& end, const ServingFiles& files) {
   end.remember(read_peers(shell.run_dir(), files));
   bool has_warned = false;

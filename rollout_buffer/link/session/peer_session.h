@@ -1,6 +1,6 @@
 // The session between a host that plays for a learner and the end that serves it, as both links have it: hello, credits,
 // sequence, resending, refusal, leaving, silence. State machines without a network: the caller passes in what arrives,
-// sends what they return, and says what time it is. Stage: beside the flow.
+// sends what they return, and passes the time. Stage: beside the flow.
 //
 //   PeerSession                                                  ServedSession
 //   joining   ── hello (epoch, what it plays, how many) ──▶      unknown
@@ -29,7 +29,7 @@ namespace comrad::link {
 /// The end that sends. Threads: one.
 class PeerSession {
  public:
-  /// `hello` says who asks for what; each life of its process begins with an epoch that is higher than all before.
+  /// `hello` names the host and its request; each life of its process begins with an epoch that is higher than all before.
   PeerSession(const dds::PeerHello& hello, double patience_s, double now_s);
 
   enum class Heard { kNothing, kState, kBackFromSilence, kNewSession };

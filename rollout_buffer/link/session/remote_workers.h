@@ -32,7 +32,7 @@ class RemoteWorkers {
   /// Gives it so many, which are free. Its trajectories are counted anew.
   std::vector<int> take(uint64_t peer_id, int count);
   void free(uint64_t peer_id);
-  /// The rollout index in this arena of rollout `theirs` of the host that plays `env`. It counts on, whoever plays, with one
+  /// The rollout index in this arena of rollout `theirs` of the host that plays `env`. It counts on across hosts, with one
   /// number left out between two hosts, so that no host's trajectory is taken for a continuation of another's.
   uint64_t rollout_of(int env, uint64_t theirs);
   /// How many rollouts lie between the last one sealed and this one of this arena; less than 0: it was sealed before.

@@ -58,7 +58,7 @@ class SendingEnd {
   /// Episodes, maps, the hello and the report. Errors: those of PeerSession::check().
   Status keep_up();
   virtual void wait() { bus_.wait(kWaitMs); }
-  /// Says farewell: this host's places are free.
+  /// Sends the farewell: this host's places are free.
   void leave();
 
  protected:

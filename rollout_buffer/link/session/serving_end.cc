@@ -42,7 +42,7 @@ Status ServingEnd::run(const std::atomic<bool>& stop) {
     if (every_second_ && clock_.now_s() - reported_s_ >= 1) reported_s_ = clock_.now_s(), every_second_();
     wait();
   }
-  // Only the end of the run is told; a process that is restarted says nothing.
+  // Only the end of the run is sent; a process that is restarted sends nothing.
   is_stopping_ = arena_.control().run_state.load() == shm::RunState::kStopping;
   for (auto& [id, peer] : peers_) give_back(*peer);
   for (const double end_s = clock_.now_s() + kTellOfEndS;
@@ -121,7 +121,7 @@ Peer* ServingEnd::hear(const dds::PeerHello& hello) {
   return peer;
 }
 
-/// Gives the peer places of simulators. Says why not, or nothing.
+/// Gives the peer places of simulators. Returns the reason if not, or nothing.
 std::string ServingEnd::seat(Peer& peer, const dds::PeerHello& hello) {
   const uint64_t id = hello.peer_id;
   if (id == 0) return "it has no id";
@@ -144,9 +144,8 @@ std::string ServingEnd::seat(Peer& peer, const dds::PeerHello& hello) {
         close(*other);
     if (wanted == 0 || places_.free_count() < wanted)
       return "of " + std::to_string(places_.count()) + " places for simulators of " + options_.kind + " " +
-             std::to_string(places_.free_count()) + " are free, it asks for " + std::to_string(wanted) +
-             "; more can be had with " + options_.flag +
-             " where the run serves, fewer asked for with --num_workers here";
+             std::to_string(places_.free_count()) + " are free, it requests " + std::to_string(wanted) +
+             "; add places with " + options_.flag + " where the run serves, or lower --num_workers here";
     peer.workers = places_.take(id, wanted);
   }
   peer.record.workers = wanted;

@@ -57,7 +57,7 @@ class ServingEnd {
   ServingEnd(const shm::Arena& arena, dds::LinkBus bus, const ServingOptions& options, const Clock& clock);
   virtual ~ServingEnd() = default;
 
-  /// Until `stop`, or the run stops; then the hosts that play are told.
+  /// Until `stop`, or the run stops; then the hosts that play are notified.
   Status run(const std::atomic<bool>& stop);
   /// Called in run(), and at its end.
   void every_second(std::function<void()> report) { every_second_ = std::move(report); }
@@ -90,7 +90,7 @@ class ServingEnd {
   virtual std::size_t wanted_slabs(const Peer& peer) const = 0;
   virtual bool has_news(const Peer&) const { return false; }
 
-  /// Gives places, refuses, or says farewell. The peer where it plays, else null.
+  /// Gives places, refuses, or sends the farewell. The peer where it plays, else null.
   Peer* hear(const dds::PeerHello& hello);
   Peer* find(uint64_t peer_id);
   void take_episodes();

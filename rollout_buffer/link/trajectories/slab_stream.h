@@ -18,7 +18,7 @@ class SlabCutter {
  public:
   explicit SlabCutter(const SlabOffsets& offsets) : offsets_(offsets) {}
 
-  /// From now on fragments of this slab are cut, whose bytes nobody changes meanwhile. Ids and counts of `name` but for
+  /// From now on fragments of this slab are cut, whose bytes stay unchanged meanwhile. Ids and counts of `name` but for
   /// what begins with fragment, offset, raw, checksum and payload are those of all its fragments.
   void begin(const SlabView& slab, const shm::SlabHeader& header, const dds::TrajectoryFragment& name);
   uint32_t fragment_count() const { return static_cast<uint32_t>(pieces_.size()); }
@@ -42,7 +42,7 @@ class SlabAssembler {
  public:
   explicit SlabAssembler(const SlabOffsets& offsets) : offsets_(offsets) {}
 
-  /// What comes next goes into `slab`, which nobody reads until take() says that it is whole.
+  /// What comes next goes into `slab`, which is not read until take() returns true.
   void begin(const SlabView& slab);
   /// The fragment that take() waits for.
   uint32_t next_index() const { return next_index_; }

@@ -30,7 +30,7 @@ TrajectoryReceiver::TrajectoryReceiver(const shm::Arena& arena, dds::LinkBus bus
 bool TrajectoryReceiver::take_all() {
   bus_.take_questions([this](const dds::JoinQuestion& question) {
     if (const Status written = bus_.write(endpoint_.answer(question)); !written)
-      spdlog::warn("a host that asks to join is not answered: {}", written.error().message);
+      spdlog::warn("a host that requests to join is not answered: {}", written.error().message);
   });
   bus_.take<dds::SenderReport>([this](const dds::SenderReport& report) {
     hear(report.hello);

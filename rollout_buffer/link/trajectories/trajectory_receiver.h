@@ -1,5 +1,5 @@
 // The end of the trajectory link on the learner's host: slabs of other hosts are put together in free ones of its arena,
-// checked, and sealed as a simulator seals its own; so nothing behind `seal` knows of the link. Stages: acquire, seal.
+// checked, and sealed as a simulator seals its own; so nothing behind `seal` depends on the link. Stages: acquire, seal.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ namespace comrad::link {
 
 struct TrajectoryReceiverOptions {
   int first_worker = 0;       ///< simulators of the arena from this one on are played by other hosts
-  Offer offer;                ///< what hosts that join are told
+  Offer offer;                ///< what hosts that join receive
   int window = 4;             ///< slabs that are kept free for each host, its credits
   double silent_after_s = 5;  ///< as ServingOptions
   std::size_t most_peers = kMostPeers;
@@ -27,7 +27,7 @@ struct TrajectoryReceiverOptions {
       3;  ///< a version has so long to reach every host before a newer one takes its place
 };
 
-/// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came stands in
+/// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came is in
 /// the arena, so a receiver that is killed and starts again takes no slab twice. Threads: one.
 class TrajectoryReceiver final : public ServingEnd {
  public:

@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
                           .has_bench = false});
   uint64_t parameter_bytes = 0;
   shell.flags().add("--parameter_bytes", parameter_bytes,
-                    "how much of the weights are parameters, as comrad-policy-worker --describe says");
+                    "how much of the weights are parameters, as comrad-policy-worker --describe prints");
   return shell.run(argc, argv,
                    {.work = [&](const RunConfig& config) { return work(shell, config, parameter_bytes); }});
 }

@@ -12,7 +12,7 @@
 namespace comrad::link {
 
 /// Nothing is lost where this process is killed and starts again on the same arena: what its predecessor had in hand is
-/// sent again, and the other end knows what it has. Threads: one.
+/// sent again, and the other end keeps count of what it has. Threads: one.
 class TrajectorySender final : public SendingEnd {
  public:
   TrajectorySender(const shm::Arena& arena, dds::LinkBus bus, const SendingOptions& options,

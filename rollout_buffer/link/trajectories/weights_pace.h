@@ -11,8 +11,7 @@ struct WeightsLimits {
   double versions_per_s = 10;  ///< at most so many
   double bytes_per_s = 50e6;   ///< and so many bytes, to all hosts together
   double cpu_share = 0.03;     ///< and so much of one core, measured as they are sent
-  double most_s =
-      4;  ///< but once in so many seconds, whatever they cost: policies that are older help nobody
+  double most_s = 4;  ///< but once in so many seconds, whatever they cost: older policies are discarded
 };
 
 /// Unicast sends every host all weights by itself, and each packet has its price; what that comes to depends on the

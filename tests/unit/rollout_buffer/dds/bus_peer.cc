@@ -1,4 +1,4 @@
-// The other process of bus_test: `bus_peer RUN_ID NAME VERSION` joins the run, says one of everything, tells
+// The other process of bus_test: `bus_peer RUN_ID NAME VERSION` joins the run, writes one of everything, reports to
 // its parent "ready" and repeats its episode until standard input ends; then it leaves with a goodbye.
 #include <poll.h>
 #include <unistd.h>

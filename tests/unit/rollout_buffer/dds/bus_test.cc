@@ -195,7 +195,7 @@ TEST(Bus, TwoRunsOnOneHostNeverMeetEvenInTheSameDomain) {
   Bus bus = open_bus(run_id);
   bus.take_worker_status();
   bus.take_episode_results();
-  Peer stranger(other_id, "stranger", 1);
+  Peer stranger(other_id, "unknown", 1);
   ASSERT_TRUE(stranger.is_ready());
   Peer friendly(run_id, "friend", 1);
   ASSERT_TRUE(friendly.is_ready());
@@ -358,7 +358,7 @@ TEST(Bus, ListensOnLoopbackOnly) {
   const bool may_bind = setsockopt(probe, SOL_SOCKET, SO_BINDTODEVICE, "lo", 3) == 0;
   close(probe);
   if (!may_bind)
-    GTEST_SKIP() << "this kernel ties sockets to a device for root only; a packet filter stands in";
+    GTEST_SKIP() << "this kernel ties sockets to a device for root only; a packet filter replaces that";
   Bus bus = open_bus(fresh_run_id());
   int sockets = 0;
   DIR* open = opendir("/proc/self/fd");

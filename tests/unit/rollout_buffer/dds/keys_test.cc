@@ -33,7 +33,7 @@ void write(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::trunc | std::ios::binary) << bytes;
 }
 
-/// Keys of one authority with hosts a and b, made anew for each test.
+/// Keys of one authority with hosts a and b, rebuilt for each test.
 class Keys : public ::testing::Test {
  protected:
   void SetUp() override {

@@ -100,7 +100,7 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
       EXPECT_EQ(in.record.score, 12.5f);
     });
   };
-  take();  // the readers are there before anybody speaks
+  take();  // the readers are there before the first message
   ASSERT_TRUE(bus.write(JoinQuestion{.peer_id = 1, .question_id = 2, .text = text}));
   ASSERT_TRUE(bus.write(JoinAnswer{.peer_id = 1, .question_id = 2, .text = text, .payload = payload}));
   ASSERT_TRUE(bus.write(
@@ -218,13 +218,13 @@ TEST(LinkBus, TwoHostsMeetByUnicastAndAnotherRunOfTheSameNetworkStaysApart) {
   const uint64_t id = fresh_id();
   const auto config = [&](uint64_t link_id, int end, std::vector<std::string> peers) {
     BusConfig of_end = link_config(link_id);
-    of_end.domain_id = 5;  // the strangers' as well: tag and partition must do
+    of_end.domain_id = 5;  // the unknown peers' as well: tag and partition must do
     of_end.interface_name = network.device(end);
     of_end.peers = std::move(peers);
     of_end.allows_insecure_network = true;
     return of_end;
   };
-  // Only the host that joins knows where the other one is.
+  // Only the host that joins has the other one's address.
   const pid_t server = network.start(0, [&] { return answer_reports(config(id, 0, {}), kPatience_s); });
   const pid_t stranger =
       network.start(1, [&] { return report_until_answered(config(id + 1, 1, {network.address(0)}), 4); });

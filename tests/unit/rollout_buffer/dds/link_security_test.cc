@@ -1,4 +1,4 @@
-// Who may join: hosts in network namespaces, strangers among them, and what keys cost.
+// Which hosts may join: hosts in network namespaces, unknown peers among them, and what keys cost.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -76,8 +76,8 @@ int serve(const BusConfig& config, const std::function<bool()>& goes_on, const s
   return heard.reports > 0 && heard.fragments > 0 ? 0 : 4;
 }
 
-/// A host that says all it may and listens while `goes_on`, ten times at least. 0: it was answered and got weights, which the
-/// file `served` tells meanwhile; 10: it got nothing at all.
+/// A host that sends all it may and listens while `goes_on`, ten times at least. 0: it was answered and got weights, which the
+/// file `served` reports meanwhile; 10: it got nothing at all.
 int join(const BusConfig& config, uint64_t peer_id, const std::function<bool()>& goes_on,
          const std::string& served) {
   spdlog::set_level(spdlog::level::off);
@@ -128,17 +128,17 @@ TEST(LinkSecurity, StrangersOnTheNetworkGetNothingAndLeaveOneLineEach) {
     return network.start(1, [&] { return join(config(1, key_folder), peer_id, goes_on, served); });
   };
   const pid_t without = start("", 666), with_others = start(others + "/hosts/b", 667),
-              false_server = start(others + "/run", 668);  // one that says it is the server
+              false_server = start(others + "/run", 668);  // one that claims to be the server
   EXPECT_TRUE(test::wait_until([&] { return count_of(read_whole(log), "refused a participant") >= 3; }));
   const pid_t friendly = start(keys + "/hosts/b", kFriend);
   EXPECT_TRUE(test::wait_until(
       [&] { return std::filesystem::exists(served) && std::filesystem::exists(log + ".heard"); }));
   std::ofstream(over) << "now";
   EXPECT_EQ(test::NetworkPair::wait(friendly), 0) << "a host with the right key was not served";
-  EXPECT_EQ(test::NetworkPair::wait(without), 10) << "a stranger without a key got something";
-  EXPECT_EQ(test::NetworkPair::wait(with_others), 10) << "a stranger with other keys got something";
+  EXPECT_EQ(test::NetworkPair::wait(without), 10) << "an unknown peer without a key got something";
+  EXPECT_EQ(test::NetworkPair::wait(with_others), 10) << "an unknown peer with other keys got something";
   EXPECT_EQ(test::NetworkPair::wait(false_server), 10);
-  EXPECT_EQ(test::NetworkPair::wait(server), 0) << "3: a stranger was heard; 4: nobody was";
+  EXPECT_EQ(test::NetworkPair::wait(server), 0) << "3: an unknown peer was heard; 4: no peer was";
   const std::string lines = read_whole(log);
   EXPECT_EQ(count_of(lines, "refused a participant"), 3) << lines;
   EXPECT_EQ(count_of(lines, "\n"), 3) << lines;

@@ -42,7 +42,7 @@ shm::ArenaShape small_arena(int workers) {
   return shape;
 }
 
-/// The last `guests` of the workers are played by the far end.
+/// The last `remote` of the workers are played by the far end.
 shm::Arena make_arena(int workers, uint64_t run_id, int guests = 0) {
   shm::ArenaShape shape = small_arena(workers);
   shape.guest_worker_count = shape.frame_guest_count = guests;
@@ -52,7 +52,7 @@ shm::Arena make_arena(int workers, uint64_t run_id, int guests = 0) {
   return std::move(arena).value();
 }
 
-/// What an environment shows at a step: told apart by all that it depends on.
+/// What an environment shows at a step: distinct in all that it depends on.
 uint8_t pixel_of(int env, uint64_t rollout, int step) {
   return static_cast<uint8_t>(env * 61 + rollout * 7 + static_cast<uint64_t>(step));
 }
@@ -300,13 +300,13 @@ TEST(FrameLinkBadLuck, EitherEndMayBeginAnewAndNothingIsLearnedTwice) {
   EXPECT_EQ(player.wrong, 0);
   EXPECT_EQ(learned.wrong, 0u);
   learned.drain(near);
-  EXPECT_EQ(accounted(), kPlayed) << "delivered or told as lost, to the decision";
+  EXPECT_EQ(accounted(), kPlayed) << "delivered or reported as lost, to the decision";
   const uint64_t told = far.learner_counters().decisions.load() / 8, in_doubt = 4 * kRollouts - told;
   EXPECT_GE(learned.slabs, told);
   EXPECT_LE(learned.slabs, told + in_doubt);
   EXPECT_LE(in_doubt, 4u * 6 * 2)
       << "a beginning anew costs each environment the trajectory in the making, and one that "
-         "was not told of";
+         "was not reported";
 }
 
 TEST(FrameLinkBadLuck, AnotherGameIsRefusedInWords) {
@@ -342,7 +342,7 @@ TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatAsks) {
                                   .envs_per_worker = 4,
                                   .host = "host" + std::to_string(peer)}});
   };
-  // What the receiver says to `asking` at last: until it is `expected`, while all of `here` are heard.
+  // What the receiver answers `asking` at last: until it is `expected`, while all of `here` are heard.
   const auto told = [&](uint64_t asking, dds::PeerRun expected, const std::vector<uint64_t>& here) {
     dds::PeerState state{.run = dds::PeerRun::kStopping};
     for (const double end_s = test::deadline_s(); state.run != expected && monotonic_s() < end_s;) {
@@ -394,8 +394,8 @@ TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
   while (!has_played) {
     for (std::byte& byte : bytes) byte = static_cast<std::byte>(random());
     FrameRequest request;
-    request.step_id =
-        random() | 1ull << 40;  // none that was asked: an answer to one cannot be told from the right one
+    request.step_id = random() | 1ull
+                                     << 40;  // none that was asked: an answer to one looks like the right one
     std::memcpy(bytes.data(), &request, sizeof request);  // the start of one that may be right
     const uint32_t steps[] = {0, 1, 3, 4, 5, UINT32_MAX};
     std::memcpy(bytes.data() + offsetof(FrameRequest, step), &steps[random() % 6], sizeof(uint32_t));

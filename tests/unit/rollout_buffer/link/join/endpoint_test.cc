@@ -168,7 +168,7 @@ TEST(LinkAddress, IsFoundInTheFolderOfTheRunThatServes) {
   ASSERT_TRUE(keep_address(scratch.string(), address)) << "once more";
   struct stat about {};
   ASSERT_EQ(stat((scratch / kAddressFile).c_str(), &about), 0);
-  EXPECT_EQ(about.st_mode & 0777, 0600u) << "who knows the id may ask for a place";
+  EXPECT_EQ(about.st_mode & 0777, 0600u) << "a process with the id may request a place";
   for (const std::string& given : {scratch.string(), (scratch / kAddressFile).string(), text_of(address)}) {
     const auto read = read_address(given);
     ASSERT_TRUE(read) << given << read.error().message;

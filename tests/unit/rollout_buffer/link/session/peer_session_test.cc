@@ -69,7 +69,7 @@ class Link {
       if (!served_->is_due(item->epoch, item->index)) continue;
       served_->touch(now_s_);
       served_->finish_one();
-      // What the arena knows is a duplicate. What it does not know comes in the order of its numbers.
+      // Sequence numbers in the arena are duplicates. Others come in the order of its numbers.
       if (item->number < sealed_) continue;
       EXPECT_EQ(item->number, sealed_) << "an item was left out";
       ++sealed_;

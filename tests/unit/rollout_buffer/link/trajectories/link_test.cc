@@ -1,4 +1,4 @@
-// Both ends of the trajectory link in processes of their own, between two arenas. The test plays the simulators of the
+// Both ends of the trajectory link in separate processes, between two arenas. The test plays the simulators of the
 // one and the learner of the other, and the supervisors: it kills, stops and starts the ends, and pulls the cable.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -212,7 +212,7 @@ TEST_F(Link, WhatIsPlayedOnOneHostIsLearnedOnTheOtherToTheDecision) {
   play_and_learn(20);
   expect_exactly_once();
   EXPECT_TRUE(eventually([&] { return player_.learner_counters().decisions == played_; }))
-      << "the feeding host knows what became of it";
+      << "the feeding host records what became of it";
   uint64_t counted = 0;
   for (int worker = kOwnWorkers; worker < kOwnWorkers + kRemoteWorkers; ++worker)
     counted += learner_.sim_counters(worker).decisions;
@@ -223,7 +223,7 @@ TEST_F(Link, WhatIsPlayedOnOneHostIsLearnedOnTheOtherToTheDecision) {
 TEST_F(Link, WithoutAFreeSlabNothingIsSentAndNothingIsLost) {
   start_receiver();
   start_sender();
-  // Nobody learns: the learner's arena has room for what is promised, and then the feeding host's fills up.
+  // Without a learner: the learner's arena has room for what is promised, and then the feeding host's fills up.
   EXPECT_TRUE(eventually([&] {
     play();
     return learner_.slabs().sealed_count() == learner_.shape().slab_count && !player_.slabs().acquire(0);
