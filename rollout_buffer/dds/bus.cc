@@ -1,5 +1,7 @@
 #include "rollout_buffer/dds/bus.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <comrad.h>
 
 #include <array>
@@ -93,15 +95,15 @@ Expected<Bus> Bus::open(const BusConfig& config) {
   auto state = std::make_unique<State>();
   COMRAD_TRY_ASSIGN(
       state->participant,
-      Participant::open(config, topics(), "comrad-" + std::to_string(kBusVersion) + "-" + config.run_id));
+      Participant::open(config, topics(), fmt::format("comrad-{}-{}", kBusVersion, config.run_id)));
   return Bus(std::move(state));
 }
 
 Status Bus::write(const WorkerStatus& status) {
   comrad_wire_WorkerStatus out{};
   if (status.worker_id.empty() || status.worker_id.size() >= sizeof out.worker_id) {
-    return Error{ErrorCode::kBadInput, "WorkerStatus.worker_id '" + status.worker_id.substr(0, 80) +
-                                           "': 1 to " + std::to_string(sizeof out.worker_id - 1) + " bytes"};
+    return Error{ErrorCode::kBadInput, fmt::format("WorkerStatus.worker_id '{}': 1 to {} bytes",
+                                                   status.worker_id.substr(0, 80), sizeof out.worker_id - 1)};
   }
   put(out.worker_id, status.worker_id);
   put(out.host, status.host);

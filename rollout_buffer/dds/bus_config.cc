@@ -4,6 +4,7 @@
 #include <dds/dds.h>
 #include <ifaddrs.h>
 #include <net/if.h>
+#include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
 #include <cctype>
@@ -57,19 +58,17 @@ Status validate(const BusConfig& config) {
   if (!is_plain_word(config.run_id))
     return refuse("run id '" + config.run_id + "': 1 to 64 letters, digits, _ - . or :");
   if (config.domain_id > kMaxDomain)
-    return refuse("domain " + std::to_string(config.domain_id) + ": 0 to " + std::to_string(kMaxDomain));
+    return refuse(fmt::format("domain {}: 0 to {}", config.domain_id, kMaxDomain));
   if (config.max_participants < 1 || config.max_participants > 120)
-    return refuse("participants of a host: " + std::to_string(config.max_participants) +
-                  ", must be 1 to 120");
+    return refuse(fmt::format("participants of a host: {}, must be 1 to 120", config.max_participants));
   if (config.port_base < 1024 || ports_of(config).last > 65535)
-    return refuse("port base " + std::to_string(config.port_base) + ": domain " +
-                  std::to_string(config.domain_id) + " would use ports " +
-                  std::to_string(ports_of(config).first) + " to " + std::to_string(ports_of(config).last) +
-                  "; they must lie in 1024 to 65535");
+    return refuse(
+        fmt::format("port base {}: domain {} would use ports {} to {}; they must lie in 1024 to 65535",
+                    config.port_base, config.domain_id, ports_of(config).first, ports_of(config).last));
   if (config.receive_buffer_mb < 1 || config.receive_buffer_mb > 1024)
-    return refuse("receive buffer of " + std::to_string(config.receive_buffer_mb) + " MB: 1 to 1024");
+    return refuse(fmt::format("receive buffer of {} MB: 1 to 1024", config.receive_buffer_mb));
   if (config.datagram_bytes < 1024 || config.datagram_bytes > 65500)
-    return refuse("datagrams of " + std::to_string(config.datagram_bytes) + " bytes: 1024 to 65500");
+    return refuse(fmt::format("datagrams of {} bytes: 1024 to 65500", config.datagram_bytes));
   for (const std::string& peer : config.peers)
     if (!is_address(peer)) return refuse("peer '" + peer + "' is no IPv4 address");
   const std::string interface = "interface '" + config.interface_name + "'";

@@ -1,5 +1,7 @@
 #include "rollout_buffer/dds/keys.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <fcntl.h>
 #include <openssl/rand.h>
 #include <openssl/x509v3.h>
@@ -43,8 +45,7 @@ Error openssl_error(const std::string& what) {
 Status check_request(const KeyRequest& request) {
   if (request.folder.empty()) return Error{ErrorCode::kBadInput, "keys: name a folder for them"};
   if (request.days < 1 || request.days > kMostKeyDays)
-    return Error{ErrorCode::kBadInput,
-                 "keys for " + std::to_string(request.days) + " days: 1 to " + std::to_string(kMostKeyDays)};
+    return Error{ErrorCode::kBadInput, fmt::format("keys for {} days: 1 to {}", request.days, kMostKeyDays)};
   for (std::size_t i = 0; i < request.hosts.size(); ++i) {
     const std::string& name = request.hosts[i];
     const bool is_plain = !name.empty() && name.size() <= kMostNameBytes && name[0] != '.' &&
@@ -262,7 +263,7 @@ Status make_keys(const KeyRequest& request) {
     return openssl_error("make a key");
   const Period period = period_of(request);
   COMRAD_TRY_ASSIGN(authority.certificate, certify(authority.key.get(), "authority",
-                                                   "authority " + std::to_string(number), period, nullptr));
+                                                   fmt::format("authority {}", number), period, nullptr));
   COMRAD_TRY_ASSIGN(const std::string certificate_pem, pem_of(authority.certificate.get()));
   COMRAD_TRY_ASSIGN(const std::string key_pem, pem_of(authority.key.get()));
   COMRAD_TRY(make_folder(request.folder + "/authority"));

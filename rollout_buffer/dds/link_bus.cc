@@ -1,5 +1,7 @@
 #include "rollout_buffer/dds/link_bus.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <comrad.h>
 
 #include <array>
@@ -90,7 +92,7 @@ class CycloneCarrier final : public LinkCarrier {
     for (const LinkTraits& traits : link_traits()) carrier->topics_.push_back(traits.topic);
     COMRAD_TRY_ASSIGN(carrier->participant_,
                       Participant::open(config, carrier->topics_,
-                                        "comrad-link-" + std::to_string(kLinkVersion) + "-" + config.run_id,
+                                        fmt::format("comrad-link-{}-{}", kLinkVersion, config.run_id),
                                         "comrad-door-" + config.run_id));
     return std::unique_ptr<LinkCarrier>(std::move(carrier));
   }
@@ -99,9 +101,9 @@ class CycloneCarrier final : public LinkCarrier {
                std::span<const std::byte> payload) override {
     const LinkTraits& traits = link_traits()[static_cast<std::size_t>(topic)];
     if (payload.size() > traits.most_payload_bytes)
-      return Error{ErrorCode::kBadInput, std::string("a payload of ") + traits.topic.name + " of " +
-                                             std::to_string(payload.size()) + " bytes; at most " +
-                                             std::to_string(traits.most_payload_bytes)};
+      return Error{ErrorCode::kBadInput,
+                   fmt::format("a payload of {} of {} bytes; at most {}", traits.topic.name, payload.size(),
+                               traits.most_payload_bytes)};
     if (topic == Topic::kQuestion) return write_door<comrad_wire_DoorQuestion>(topic, key, head, payload);
     if (topic == Topic::kAnswer) return write_door<comrad_wire_DoorAnswer>(topic, key, head, payload);
     return with_type_of(topic, [&]<typename Wire>(Wire*) {
@@ -148,8 +150,8 @@ class CycloneCarrier final : public LinkCarrier {
     auto out = std::make_unique<Wire>();
     const std::span<const std::byte> text = head.subspan(sizeof out->question_id);
     if (text.size() > kQuestionBytes)
-      return Error{ErrorCode::kBadInput, "a question's or answer's text of " + std::to_string(text.size()) +
-                                             " bytes; at most " + std::to_string(kQuestionBytes)};
+      return Error{ErrorCode::kBadInput, fmt::format("a question's or answer's text of {} bytes; at most {}",
+                                                     text.size(), kQuestionBytes)};
     out->feeder_id = key;
     std::memcpy(&out->question_id, head.data(), sizeof out->question_id);
     std::memcpy(out->text, text.data(), text.size());

@@ -1,5 +1,7 @@
 #include "rollout_buffer/dds/participant.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "rollout_buffer/dds/strangers.h"
 
 #include <dirent.h>
@@ -20,17 +22,17 @@ constexpr dds_duration_t kMaxBlocking = DDS_MSECS(100);  // of a write whose rea
 std::string what_to_check(const BusConfig& config) {
   const PortRange ports = ports_of(config);
   const bool is_local = is_loopback(config.interface_name);
-  return "; check that " + (is_local ? "loopback" : config.interface_name) + " is up (`ip addr show " +
-         config.interface_name + "`), that UDP ports " + std::to_string(ports.first) + "-" +
-         std::to_string(ports.last) + (is_local ? " of 127.0.0.1" : "") +
-         " are not filtered, and that at most " + std::to_string(config.max_participants) +
-         " processes of this host use DDS domain " + std::to_string(config.domain_id);
+  return fmt::format(
+      "; check that {} is up (`ip addr show {}`), that UDP ports {}-{}{} are not filtered, and that at most "
+      "{} processes of this host use DDS domain {}",
+      (is_local ? "loopback" : config.interface_name), config.interface_name, ports.first, ports.last,
+      (is_local ? " of 127.0.0.1" : ""), config.max_participants, config.domain_id);
 }
 
 Error dds_error(dds_return_t code, const std::string& what, const BusConfig& config) {
-  return Error{code == DDS_RETCODE_TIMEOUT ? ErrorCode::kTimeout : ErrorCode::kSystem,
-               "DDS: cannot " + what + ": " + dds_strretcode(code) + " (" + std::to_string(code) + ")" +
-                   what_to_check(config)};
+  return Error{
+      code == DDS_RETCODE_TIMEOUT ? ErrorCode::kTimeout : ErrorCode::kSystem,
+      fmt::format("DDS: cannot {}: {} ({}){}", what, dds_strretcode(code), code, what_to_check(config))};
 }
 
 // Cyclone's own complaints go where ours go. Its lines end in a newline.
@@ -81,9 +83,11 @@ Status keep_sockets_on_interface(const BusConfig& config) {
     const bool is_bound = setsockopt(descriptor, SOL_SOCKET, SO_BINDTODEVICE, config.interface_name.c_str(),
                                      static_cast<socklen_t>(config.interface_name.size() + 1)) == 0;
     if (!is_bound && !(is_local && drop_packets_from_elsewhere(descriptor)))
-      status = Error{ErrorCode::kSystem, "DDS: cannot keep UDP port " + std::to_string(port) + " on " +
-                                             config.interface_name + ": " + std::strerror(errno) +
-                                             "; Linux 5.7 or newer allows it without privileges"};
+      status =
+          Error{ErrorCode::kSystem,
+                fmt::format(
+                    "DDS: cannot keep UDP port {} on {}: {}; Linux 5.7 or newer allows it without privileges",
+                    port, config.interface_name, std::strerror(errno))};
   }
   closedir(descriptors);
   return status;
@@ -108,14 +112,15 @@ Status enter_domain(const BusConfig& config) {
   DomainUse& use = domains()[config.domain_id];
   COMRAD_TRY_ASSIGN(const std::string uri, make_cyclone_config(config));
   if (use.count > 0 && use.uri != uri)
-    return Error{ErrorCode::kBadInput,
-                 "DDS domain " + std::to_string(config.domain_id) +
-                     " is used by another run in this process; one process joins one run"};
+    return Error{
+        ErrorCode::kBadInput,
+        fmt::format("DDS domain {} is used by another run in this process; one process joins one run",
+                    config.domain_id)};
   if (use.count == 0) {
     dds_set_log_sink(&log_cyclone, nullptr);
     use.entity = dds_create_domain(config.domain_id, uri.c_str());
     if (use.entity < 0)
-      return dds_error(use.entity, "start domain " + std::to_string(config.domain_id), config);
+      return dds_error(use.entity, fmt::format("start domain {}", config.domain_id), config);
     if (Status kept = keep_sockets_on_interface(config); !kept) {
       dds_delete(use.entity);
       return kept.error();

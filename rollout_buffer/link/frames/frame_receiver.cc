@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/frames/frame_receiver.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <lz4.h>
 
 #include <algorithm>
@@ -123,7 +125,7 @@ void FrameReceiver::take(FramePeer& peer, const dds::FrameBatch& batch) {
   peer.next_batch = std::max(peer.next_batch, batch.batch_index + 1);
   std::span<const std::byte> raw = batch.payload;
   if (batch.raw_bytes == 0 || batch.raw_bytes > dds::kFrameBatchBytes)
-    return refuse(peer, "a batch of frames of " + std::to_string(batch.raw_bytes) + " bytes");
+    return refuse(peer, fmt::format("a batch of frames of {} bytes", batch.raw_bytes));
   if (batch.is_compressed != 0) {
     raw_.resize(batch.raw_bytes);
     if (LZ4_decompress_safe(reinterpret_cast<const char*>(batch.payload.data()),

@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/frames/frame_sender.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <lz4.h>
 
 #include <algorithm>
@@ -31,10 +33,10 @@ FrameSender::FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameS
 Status FrameSender::begin() {
   if (const std::size_t largest = largest_request_bytes(arena_.slabs().offsets());
       largest > dds::kFrameBatchBytes)
-    return Error{ErrorCode::kBadInput, "the observations of one environment take " + std::to_string(largest) +
-                                           " bytes, more than the frame link carries at once (" +
-                                           std::to_string(dds::kFrameBatchBytes) +
-                                           "); give this host its own policy workers"};
+    return Error{ErrorCode::kBadInput,
+                 fmt::format("the observations of one environment take {} bytes, more than the frame link "
+                             "carries at once ({}); give this host its own policy workers",
+                             largest, dds::kFrameBatchBytes)};
   shm::WorkerCounters& counters = arena_.policy_counters(0);
   counters.begin_life();
   if (const int orphans = arena_.reclaim_policy_worker(0); orphans > 0)

@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/frames/frame_stream.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -100,8 +102,8 @@ Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
   const TrajectoryShape& shape = offsets_.shape;
   const auto steps = static_cast<uint32_t>(shape.rollout_steps);
   if (request_.env_index >= env_count_)
-    return damaged_frames("is of environment " + std::to_string(request_.env_index) + "; the host has " +
-                          std::to_string(env_count_));
+    return damaged_frames(
+        fmt::format("is of environment {}; the host has {}", request_.env_index, env_count_));
   bool is_possible = request_.kind == kSealedKind && request_.step >= 1 && request_.step <= steps;
   switch (static_cast<RequestKind>(request_.kind)) {
     case RequestKind::kAct:
@@ -116,8 +118,8 @@ Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
       break;
   }
   if (!is_possible)
-    return damaged_frames("has a request of kind " + std::to_string(request_.kind) + " at step " +
-                          std::to_string(request_.step) + ", which no simulator makes");
+    return damaged_frames(fmt::format("has a request of kind {} at step {}, which no simulator makes",
+                                      request_.kind, request_.step));
   const std::size_t bytes = bytes_of(request_, offsets_);
   if (left_.size() < bytes) return damaged_frames("ends inside a frame");
   body_ = left_.subspan(sizeof request_, bytes - sizeof request_);
@@ -190,7 +192,7 @@ Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& byt
   std::memcpy(&answer, bytes.data(), sizeof answer);
   bytes = bytes.subspan(sizeof answer);
   if (answer.kind > kSealedKind)
-    return Error{ErrorCode::kBadFormat, "an answer to a request of kind " + std::to_string(answer.kind)};
+    return Error{ErrorCode::kBadFormat, fmt::format("an answer to a request of kind {}", answer.kind)};
   if (answer.kind != static_cast<uint32_t>(RequestKind::kAct)) return std::optional(answer);
   if (bytes.size() < choices.size_bytes()) return cut();
   std::memcpy(choices.data(), bytes.data(), choices.size_bytes());
@@ -198,8 +200,7 @@ Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& byt
   for (std::size_t i = 0; i < choices.size(); ++i) {
     const int32_t size = shape.head_sizes[i % static_cast<std::size_t>(shape.head_count)];
     if (choices[i] < 0 || choices[i] >= size)
-      return Error{ErrorCode::kBadFormat,
-                   "an action of " + std::to_string(choices[i]) + " for a head of " + std::to_string(size)};
+      return Error{ErrorCode::kBadFormat, fmt::format("an action of {} for a head of {}", choices[i], size)};
   }
   return std::optional(answer);
 }

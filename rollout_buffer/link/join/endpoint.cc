@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/join/endpoint.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cinttypes>
 #include <cstdio>
@@ -80,7 +82,7 @@ Expected<Offer> parse_offer(const std::string& text) {
                      .bytes = number_in(entry, "bytes"),
                      .checksum = hex_in(entry, "checksum")};
     if (!is_plain_name(file.name)) return bad("has a file of the name '" + file.name.substr(0, 80) + "'");
-    if (file.bytes > kMostFileBytes) return bad("has a file of " + std::to_string(file.bytes) + " bytes");
+    if (file.bytes > kMostFileBytes) return bad(fmt::format("has a file of {} bytes", file.bytes));
     offer.files.push_back(std::move(file));
   }
   return offer;
@@ -111,10 +113,10 @@ dds::JoinAnswer JoinEndpoint::answer(const dds::JoinQuestion& question) const {
   const json asked = json::parse(question.text, nullptr, /*allow_exceptions=*/false);
   if (!asked.is_object()) return refuse("the question is no JSON object");
   if (number_in(asked, "protocol") != kJoinProtocol || number_in(asked, "link") != dds::kLinkVersion)
-    return refuse("this host speaks join protocol " + std::to_string(kJoinProtocol) + " and link version " +
-                  std::to_string(dds::kLinkVersion) + ", the one that joins " +
-                  std::to_string(number_in(asked, "protocol")) + " and " +
-                  std::to_string(number_in(asked, "link")) + "; install the same version on both");
+    return refuse(fmt::format(
+        "this host speaks join protocol {} and link version {}, the one that joins {} and {}; install the "
+        "same version on both",
+        kJoinProtocol, dds::kLinkVersion, number_in(asked, "protocol"), number_in(asked, "link")));
   const std::string what = text_in(asked, "ask"), name = text_in(asked, "name");
   std::optional<std::string> bytes;
   if (what == "ping") {
@@ -170,8 +172,7 @@ Expected<dds::JoinAnswer> JoinClient::ask(const std::string& text) {
     bus_.wait(50);
   }
   if (!answer)
-    return Error{ErrorCode::kTimeout,
-                 "no answer within " + std::to_string(static_cast<int>(timeout_s_)) + " s"};
+    return Error{ErrorCode::kTimeout, fmt::format("no answer within {} s", static_cast<int>(timeout_s_))};
   const json said = json::parse(answer->text, nullptr, /*allow_exceptions=*/false);
   if (!said.is_object()) return Error{ErrorCode::kBadFormat, "the answer is no JSON object"};
   if (said.contains("error")) return Error{ErrorCode::kBadInput, text_in(said, "error")};

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <ifaddrs.h>
 #include <net/if.h>
+#include <spdlog/fmt/fmt.h>
 #include <sys/ioctl.h>
 #include <sys/random.h>
 #include <sys/socket.h>
@@ -75,7 +76,7 @@ Expected<LinkAddress> parse_address(const std::string& text) {
 
 std::string text_of(const LinkAddress& address) {
   const std::string port =
-      address.port_base == LinkAddress().port_base ? "" : ":" + std::to_string(address.port_base);
+      address.port_base == LinkAddress().port_base ? "" : fmt::format(":{}", address.port_base);
   return address.host + port + "/" + digits_of(address.link_id);
 }
 

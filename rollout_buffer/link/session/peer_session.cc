@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/session/peer_session.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "rollout_buffer/link/session/timing.h"
@@ -56,9 +58,9 @@ Status PeerSession::check(const std::string& other_end, double now_s) const {
   if (!refusal_.empty())
     return Error{ErrorCode::kBadInput, "the run does not take this host in: " + refusal_};
   if (silent_s(now_s) > patience_s_)
-    return Error{ErrorCode::kNotFound, "nothing was heard of " + other_end + " for " +
-                                           std::to_string(static_cast<int>(patience_s_)) +
-                                           " s; is the run still alive, and the network up?"};
+    return Error{ErrorCode::kNotFound,
+                 fmt::format("nothing was heard of {} for {} s; is the run still alive, and the network up?",
+                             other_end, static_cast<int>(patience_s_))};
   return {};
 }
 

@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/session/serving_end.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -143,9 +145,10 @@ std::string ServingEnd::seat(Peer& peer, const dds::PeerHello& hello) {
           !other->workers.empty() && other->session.silent_s(clock_.now_s()) > options_.silent_after_s)
         close(*other);
     if (wanted == 0 || places_.free_count() < wanted)
-      return "of " + std::to_string(places_.count()) + " places for simulators of " + options_.kind + " " +
-             std::to_string(places_.free_count()) + " are free, it requests " + std::to_string(wanted) +
-             "; add places with " + options_.flag + " where the run serves, or lower --num_workers here";
+      return fmt::format(
+          "of {} places for simulators of {} {} are free, it requests {}; add places with {} where the run "
+          "serves, or lower --num_workers here",
+          places_.count(), options_.kind, places_.free_count(), wanted, options_.flag);
     peer.workers = places_.take(id, wanted);
   }
   peer.record.workers = wanted;

@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/trajectories/narrow_weights.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -32,8 +34,8 @@ Expected<std::size_t> statistics_in(std::size_t bytes, uint64_t parameter_count,
                                     std::size_t statistic_size) {
   if (parameter_count > bytes / parameter_size ||
       (bytes - parameter_count * parameter_size) % statistic_size != 0)
-    return Error{ErrorCode::kBadFormat, std::to_string(bytes) + " bytes are no weights with " +
-                                            std::to_string(parameter_count) + " parameters"};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("{} bytes are no weights with {} parameters", bytes, parameter_count)};
   return (bytes - parameter_count * parameter_size) / statistic_size;
 }
 

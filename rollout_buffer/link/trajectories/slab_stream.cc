@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/trajectories/slab_stream.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <lz4.h>
 
 #include <algorithm>
@@ -83,8 +85,8 @@ Expected<bool> SlabAssembler::take(const dds::TrajectoryFragment& fragment) {
   COMRAD_TRY(place(fragment));
   if (next_index_ < fragment_count_) return false;
   if (position_ != offsets_.slab_bytes)
-    return damaged_slabs("is the last, and " + std::to_string(offsets_.slab_bytes - position_) +
-                         " bytes are missing");
+    return damaged_slabs(
+        fmt::format("is the last, and {} bytes are missing", offsets_.slab_bytes - position_));
   COMRAD_TRY(check(fragment.length));
   return true;
 }
@@ -92,16 +94,14 @@ Expected<bool> SlabAssembler::take(const dds::TrajectoryFragment& fragment) {
 Status SlabAssembler::place(const dds::TrajectoryFragment& fragment) {
   if (next_index_ == 0) fragment_count_ = fragment.fragment_count;
   if (fragment.fragment_index != next_index_ || fragment.fragment_count != fragment_count_)
-    return damaged_slabs(std::to_string(fragment.fragment_index) + " of " +
-                         std::to_string(fragment.fragment_count) + " came where " +
-                         std::to_string(next_index_) + " of " + std::to_string(fragment_count_) + " was due");
+    return damaged_slabs(fmt::format("{} of {} came where {} of {} was due", fragment.fragment_index,
+                                     fragment.fragment_count, next_index_, fragment_count_));
   if (fragment.raw_bytes == 0 || fragment.raw_bytes > dds::kFragmentBytes ||
       fragment.payload.size() > dds::kFragmentPayloadBytes ||
       fragment.offset_bytes > static_cast<uint64_t>(offsets_.slab_bytes) ||
       fragment.raw_bytes > static_cast<uint64_t>(offsets_.slab_bytes) - fragment.offset_bytes)
-    return damaged_slabs("of " + std::to_string(fragment.raw_bytes) + " bytes at " +
-                         std::to_string(fragment.offset_bytes) + " lies outside of a slab of " +
-                         std::to_string(offsets_.slab_bytes));
+    return damaged_slabs(fmt::format("of {} bytes at {} lies outside of a slab of {}", fragment.raw_bytes,
+                                     fragment.offset_bytes, offsets_.slab_bytes));
   const auto offset = static_cast<int64_t>(fragment.offset_bytes);
   if (offset != position_) {
     // Only final observations may be left out, whole ones and the last.
@@ -109,8 +109,7 @@ Status SlabAssembler::place(const dds::TrajectoryFragment& fragment) {
     const int64_t row = (all.end - all.begin) / offsets_.shape.final_capacity;
     if (offset != all.end || position_ < all.begin || position_ >= all.end ||
         (position_ - all.begin) % row != 0)
-      return damaged_slabs("begins at " + std::to_string(offset) + " where " + std::to_string(position_) +
-                           " was due");
+      return damaged_slabs(fmt::format("begins at {} where {} was due", offset, position_));
     finals_ = static_cast<int>((position_ - all.begin) / row);
     std::memset(base_ + position_, 0, static_cast<std::size_t>(offset - position_));
   }
@@ -131,17 +130,16 @@ Status SlabAssembler::check(uint32_t length) const {
   const SlabView slab(offsets_, base_);
   const TrajectoryShape& shape = offsets_.shape;
   if (length < 1 || length > static_cast<uint32_t>(shape.rollout_steps))
-    return Error{ErrorCode::kBadFormat, "a trajectory of " + std::to_string(length) + " decisions; 1 to " +
-                                            std::to_string(shape.rollout_steps)};
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("a trajectory of {} decisions; 1 to {}", length, shape.rollout_steps)};
   for (int step = 0; step < static_cast<int>(length); ++step) {
-    const std::string where = "a trajectory's step " + std::to_string(step);
+    const std::string where = fmt::format("a trajectory's step {}", step);
     if (!take_end(slab, step).is_sound || slab.final_index(step) >= finals_)
       return Error{ErrorCode::kBadFormat, where + " ends with an observation that did not come"};
     for (int agent = 0; agent < shape.env.num_agents; ++agent) {
       std::array<int64_t, kMaxHeads> choices{};
       if (!take_action(shape.env, slab.action(step, agent), choices.data()))
-        return Error{ErrorCode::kBadFormat,
-                     where + ": agent " + std::to_string(agent) + " chose what no head has"};
+        return Error{ErrorCode::kBadFormat, fmt::format("{}: agent {} chose what no head has", where, agent)};
       if (!std::isfinite(slab.reward(step, agent)))
         return Error{ErrorCode::kBadFormat, where + ": the reward is no number"};
     }

@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/trajectories/trajectory_receiver.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -85,8 +87,8 @@ void TrajectoryReceiver::take(const dds::TrajectoryFragment& fragment) {
 void TrajectoryReceiver::seal(SlabPeer& peer, const dds::TrajectoryFragment& fragment) {
   const int env = env_of(peer, fragment.env_index);
   if (env < 0)
-    return refuse(peer, "a trajectory of environment " + std::to_string(fragment.env_index) +
-                            ", which it does not have");
+    return refuse(peer,
+                  fmt::format("a trajectory of environment {}, which it does not have", fragment.env_index));
   const uint64_t rollout_index = places_.rollout_of(env, fragment.rollout_index);
   const int64_t ahead = places_.ahead(env, rollout_index);
   if (ahead < 0) {

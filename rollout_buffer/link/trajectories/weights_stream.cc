@@ -1,5 +1,7 @@
 #include "rollout_buffer/link/trajectories/weights_stream.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -38,17 +40,16 @@ Status send_weights(dds::LinkBus& bus, std::span<const std::byte> weights, Polic
 
 Expected<bool> WeightsAssembler::take(const dds::WeightsChunk& chunk) {
   const auto refuse = [&](const std::string& what) {
-    return Error{ErrorCode::kBadFormat, "weights of version " + std::to_string(chunk.version) + ": " + what};
+    return Error{ErrorCode::kBadFormat, fmt::format("weights of version {}: {}", chunk.version, what)};
   };
   const auto capacity = static_cast<uint64_t>(capacity_bytes_) / (chunk.bf16_count > 0 ? 2 : 1);
   if (chunk.bytes > capacity)
-    return refuse(std::to_string(chunk.bytes) + " bytes, the arena has room for " + std::to_string(capacity));
+    return refuse(fmt::format("{} bytes, the arena has room for {}", chunk.bytes, capacity));
   const uint64_t count = chunks_of(chunk.bytes), begin = uint64_t{chunk.chunk_index} * dds::kChunkBytes;
   if (chunk.chunk_count != count || chunk.chunk_index >= count ||
       chunk.payload.size() != std::min<uint64_t>(dds::kChunkBytes, chunk.bytes - begin))
-    return refuse("chunk " + std::to_string(chunk.chunk_index) + " of " + std::to_string(chunk.chunk_count) +
-                  " with " + std::to_string(chunk.payload.size()) + " bytes is none of " +
-                  std::to_string(chunk.bytes));
+    return refuse(fmt::format("chunk {} of {} with {} bytes is none of {}", chunk.chunk_index,
+                              chunk.chunk_count, chunk.payload.size(), chunk.bytes));
   const auto is_of = [&](const Part& part) {
     return part.missing > 0 && part.version == chunk.version && part.checksum == chunk.checksum &&
            part.weights.size() == chunk.bytes && part.bf16_count == chunk.bf16_count;
