@@ -104,9 +104,13 @@ void press(doom::Buttons& buttons, const scenarios::Button& button, double value
       buttons.use_item = true;
       break;
     case ButtonKind::kSelectNextItem:
+      buttons.select_next_item = true;
+      break;
     case ButtonKind::kSelectPreviousItem:
+      buttons.select_previous_item = true;
+      break;
     case ButtonKind::kDropItem:
-      break;  // there is no inventory bar to move along (sim_workers/NOTES.md, Known differences)
+      break;  // nothing is thrown away (sim_workers/NOTES.md, Known differences)
     case ButtonKind::kLookUpDownDelta:
       buttons.pitch_delta += angle_units(value);
       break;

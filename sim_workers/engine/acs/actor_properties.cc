@@ -196,10 +196,14 @@ int32_t get_actor_property(const Caller& caller, const Actor* actor, int32_t pro
       return actor->damage.factor;
     case ActorProperty::kAlpha:
       return from_float(actor->alpha);
-    case ActorProperty::kRenderStyle:
+    case ActorProperty::kRenderStyle: {
+      // An item that waits to come back keeps its style.
+      const bool waits = actor->state == kNoState && actor->render_style == RenderStyle::kNone;
+      const RenderStyle style = waits ? type.render_style : actor->render_style;
       for (const StyleNumber& entry : kStyles)
-        if (entry.style == actor->render_style) return entry.number;
+        if (entry.style == style) return entry.number;
       return 1;
+    }
     case ActorProperty::kAmbush:
       return actor->has(ActorFlag::kAmbush);
     case ActorProperty::kInvulnerable:

@@ -18,6 +18,7 @@
 #include "sim_workers/engine/acs/script_calls.h"
 #include "sim_workers/engine/acs/script_specials.h"
 #include "sim_workers/engine/acs/strings.h"
+#include "sim_workers/engine/play/hitscan.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/player_thinker.h"
@@ -95,45 +96,6 @@ int32_t apply(Operation operation, int32_t a, int32_t b) {
 }
 
 // ---------------------------------------------------------------- the interpreter
-
-/// The angle of a vector as VectorAngle answers it: Doom's way over a table of 2 048 slopes, with its edges
-/// (measured in ViZDoom: north is 16383, slopes of less than 512 count as one eighth of a turn).
-int32_t vector_angle(int32_t x, int32_t y) {
-  constexpr uint32_t kSlopes = 2048;
-  static const std::array<Angle, kSlopes + 1> kAngles = [] {
-    std::array<Angle, kSlopes + 1> angles{};
-    for (uint32_t i = 0; i <= kSlopes; ++i) {
-      // Euler's series of the arctangent: each term is 2n / (2n + 1) x^2 / (1 + x^2) of the one before.
-      const double slope = static_cast<double>(i) / kSlopes, ratio = slope * slope / (1 + slope * slope);
-      double term = slope / (1 + slope * slope), sum = 0;
-      for (int n = 1; n <= 60; ++n) {
-        sum += term;
-        term *= ratio * (2 * n) / (2 * n + 1);
-      }
-      angles[i] = static_cast<Angle>(sum / 6.283185307179586 * 4294967295.0);
-    }
-    return angles;
-  }();
-  const auto angle_of = [](uint32_t small, uint32_t large) {
-    if (large < 512) return kAngles[kSlopes];
-    return kAngles[std::min<uint64_t>((uint64_t{small} << 3) / (large >> 8), kSlopes)];
-  };
-  if (x == 0 && y == 0) return 0;
-  const uint32_t width = static_cast<uint32_t>(std::abs(int64_t{x})),
-                 height = static_cast<uint32_t>(std::abs(int64_t{y}));
-  Angle angle = 0;
-  if (x >= 0 && y >= 0) {
-    angle = width > height ? angle_of(height, width) : kAngle90 - 1 - angle_of(width, height);
-  } else if (x >= 0) {
-    angle = width > height ? 0u - angle_of(height, width) : kAngle180 + kAngle90 + angle_of(width, height);
-  } else if (y >= 0) {
-    angle = width > height ? kAngle180 - 1 - angle_of(height, width) : kAngle90 + angle_of(width, height);
-  } else {
-    angle = width > height ? kAngle180 + angle_of(height, width)
-                           : kAngle180 + kAngle90 - 1 - angle_of(width, height);
-  }
-  return from_angle(angle);
-}
 
 class Interpreter {
  public:
@@ -708,7 +670,7 @@ void Interpreter::execute(PCode code) {
       return;
     case PCode::kVectorAngle: {
       const int32_t y = pop();
-      top() = vector_angle(top(), y);
+      top() = from_angle(vector_angle(top(), y));
       return;
     }
     case PCode::kRandom: {
@@ -1243,10 +1205,10 @@ void Interpreter::execute_call(PCode code) {
           top() = actor->z;
           return;
         case PCode::kGetActorFloorZ:
-          top() = actor->floor_z;
+          top() = actor->ground_z;  // bodies do not count
           return;
         case PCode::kGetActorCeilingZ:
-          top() = actor->ceiling_z;
+          top() = actor->roof_z;
           return;
         case PCode::kGetActorAngle:
           top() = from_angle(actor->angle);

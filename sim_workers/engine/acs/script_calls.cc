@@ -68,10 +68,7 @@ int32_t check_proximity(const Caller& caller, std::span<const int32_t> args) {
 }
 
 int32_t line_attack_from(const Caller& caller, std::span<const int32_t> args) {
-  const Angle pitch = to_angle(args[2]);
-  const Fixed cosine = fine_cosine(pitch);
-  const int32_t slope = static_cast<int32_t>(std::clamp<int64_t>(
-      -int64_t{fixed_div(fine_sine(pitch), cosine == 0 ? 1 : cosine)}, -to_fixed(16), to_fixed(16)));
+  const auto pitch = static_cast<int32_t>(to_angle(args[2]));
   uint32_t puff = caller.world.catalog().known().bullet_puff;
   if (!caller.text(args[4]).empty())
     if (const std::optional<uint32_t> named = caller.type_named(args[4])) puff = *named;
@@ -79,7 +76,7 @@ int32_t line_attack_from(const Caller& caller, std::span<const int32_t> args) {
       caller.world.catalog().find_damage_type(caller.text(args[5])).value_or(DamageType::kNormal);
   const Fixed range = args[6] != 0 ? std::clamp(args[6], 0, to_fixed(8192)) : to_fixed(2048);
   caller.each_actor(args[0], [&](Actor& shooter) {
-    line_attack(caller.world, shooter, to_angle(args[1]), range, slope, args[3], type, puff);
+    line_attack(caller.world, shooter, to_angle(args[1]), range, pitch, args[3], type, puff);
   });
   return 0;
 }

@@ -180,7 +180,8 @@ enum class ActorFlag : uint8_t {
   kWeaponReadySoundHalf,
   kWeaponAmmoCheckBoth,
   kWeaponCheatNotWeapon,
-  kDontThrust,  ///< what hurts it does not push it
+  kDontThrust,       ///< what hurts it does not push it
+  kOldRadiusDamage,  ///< its blasts and blasts at it push as their damage alone
   kCount
 };
 

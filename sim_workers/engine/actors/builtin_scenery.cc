@@ -104,12 +104,11 @@ void add_scenery(ActorCatalog* catalog) {
 
   ActorType barrel = start_type(*catalog, "Actor", "ExplosiveBarrel", 2035, 125);
   barrel.health = 20, barrel.radius = to_fixed(10), barrel.height = to_fixed(42);
-  set_flags(&barrel, {kSolid, kShootable, kNoBlood, kActivateCross, kDontGib, kNoIceDeath});
-  add_type(
-      catalog, std::move(barrel),
-      "Spawn: BAR1 AB 6; again;"
-      "Death: BEXP A 5*; B 5* Scream; C 5*; D 10* Explode; E 10*; TNT1 A 1050 BarrelDestroy; A 5 Respawn;"
-      "stay");
+  set_flags(&barrel, {kSolid, kShootable, kNoBlood, kActivateCross, kDontGib, kNoIceDeath, kOldRadiusDamage});
+  add_type(catalog, std::move(barrel),
+           "Spawn: BAR1 AB 6; again;"
+           "Death: BEXP A 5*; B 5* Scream; C 5*; D 5* Explode; E 10*; TNT1 A 1050 BarrelDestroy; A 5 Respawn;"
+           "stay");
 }
 
 }  // namespace comrad::doom

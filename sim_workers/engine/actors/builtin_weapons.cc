@@ -26,7 +26,7 @@ void add_weapons(ActorCatalog* catalog) {
       {"Fist", -1, 0, 1, 0, 3700, nullptr, 0, 0, {kWeaponWimpy, kWeaponMelee},
        "Ready: PUNG A 1 WeaponReady; again; Deselect: A 1 Lower; again; Select: A 1 Raise; again;"
        "Fire: B 4; C 4 Punch; D 5; C 4; B 5 ReFire; to Ready"},
-      {"Chainsaw", 2005, 32, 1, 1, 2200, nullptr, 0, 0, {kWeaponMelee},
+      {"Chainsaw", 2005, 32, 1, 0, 2200, nullptr, 0, 0, {kWeaponMelee},
        "Ready: SAWG CD 4 WeaponReady; again; Deselect: C 1 Lower; again; Select: C 1 Raise; again;"
        "Fire: AB 4 Saw; B 0 ReFire; to Ready; Spawn: CSAW A -1; gone"},
       {"Pistol", -1, 0, 2, 0, 1900, "Clip", 1, 20, {kWeaponWimpy},
@@ -37,7 +37,7 @@ void add_weapons(ActorCatalog* catalog) {
        "Ready: SHTG A 1 WeaponReady; again; Deselect: A 1 Lower; again; Select: A 1 Raise; again;"
        "Fire: A 3; A 7 FireShotgun; BC 5; D 4; CB 5; A 3; A 7 ReFire; to Ready;"
        "Flash: SHTF A 4* Light1; B 3* Light2; to LightDone; Spawn: SHOT A -1; gone"},
-      {"SuperShotgun", 82, 33, 3, 1, 400, "Shell", 2, 8, {},
+      {"SuperShotgun", 82, 33, 3, 0, 400, "Shell", 2, 8, {},
        "Ready: SHT2 A 1 WeaponReady; again; Deselect: A 1 Lower; again; Select: A 1 Raise; again;"
        "Fire: A 3; A 7 FireShotgun2; B 7; C 7 CheckReload; D 7 OpenShotgun2; E 7; F 7 LoadShotgun2; G 6;"
        "H 6 CloseShotgun2; A 5 ReFire; to Ready; B 7; A 3; to Deselect;"

@@ -44,12 +44,12 @@ Actor* face_and_get_target(ActionCall& call) {
 
 void fire_bullets(World& world, Actor& monster, int count, uint32_t puff_type) {
   const Angle ahead = monster.angle;
-  const Fixed slope = aim_line(world, monster, ahead, kMissileRange).slope;
+  const int32_t pitch = aim_line(world, monster, ahead, kMissileRange).pitch;
   if (puff_type == kNoType) puff_type = world.catalog().known().bullet_puff;
   for (int i = 0; i < count && !monster.removed; ++i) {
     const Angle angle = ahead + (static_cast<Angle>(world.random_triangle()) << 20);
     const int32_t damage = roll(world, 5, 3);
-    line_attack(world, monster, angle, kMissileRange, slope, damage, DamageType::kNormal, puff_type);
+    line_attack(world, monster, angle, kMissileRange, pitch, damage, DamageType::kNormal, puff_type);
   }
 }
 
@@ -556,22 +556,20 @@ void action_CustomBulletAttack(ActionCall& call) {
   const int flags = call.integer(6, 0);
   if ((flags & kAimFacing) == 0 && face_and_get_target(call) == nullptr) return;
   const Angle ahead = self.angle;
-  const Fixed slope = aim_line(world, self, ahead, range).slope;
+  const int32_t aimed = aim_line(world, self, ahead, range).pitch;
   for (int32_t i = 0; i < count && !self.removed; ++i) {
     Angle angle = ahead;
-    int64_t rise = slope;
-    // A degree of slope is the tangent of a small angle: 2^16 of a turn's 2^32 / (2 pi).
-    constexpr int64_t kTurnToSlope = 683'565'276 >> kFracBits;  // 2^32 / (2 pi) in units of 2^-16
+    int64_t pitch = aimed;
     if ((flags & kExplicitAngle) != 0) {
       angle += spread_xy;
-      rise += spread_z / kTurnToSlope;
+      pitch -= spread_z;
     } else {
       angle += static_cast<Angle>(int64_t{world.random_triangle()} * static_cast<int64_t>(spread_xy) / 255);
-      rise += int64_t{world.random_triangle()} * spread_z / 255 / kTurnToSlope;
+      pitch -= int64_t{world.random_triangle()} * spread_z / 255;
     }
     int64_t damage = call.integer(3, 0);
     if ((flags & kNoRandom) == 0) damage *= world.random_byte() % 3 + 1;
-    line_attack(world, self, angle, range, clamped_fixed(rise), clamped_fixed(damage), DamageType::kNormal,
+    line_attack(world, self, angle, range, clamped_fixed(pitch), clamped_fixed(damage), DamageType::kNormal,
                 puff);
   }
 }

@@ -8,6 +8,7 @@
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/play/actor_states.h"
+#include "sim_workers/engine/play/hitscan.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/sight.h"
 #include "sim_workers/engine/play/weapons.h"
@@ -32,12 +33,17 @@ int32_t add_saturated(int32_t total, int32_t amount) {
   return static_cast<int32_t>(std::clamp<int64_t>(int64_t{total} + amount, INT32_MIN, INT32_MAX));
 }
 
+/// By Doom's table of slopes (measured: 94 of 94 blasts from places drawn by chance).
+Angle way_of_push(const Actor& from, const Actor& target) {
+  return vector_angle(clamped_fixed(int64_t{target.x} - from.x), clamped_fixed(int64_t{target.y} - from.y));
+}
+
 /// Pushes the target away from what hit it, harder the lighter it is.
 void thrust_away(World& world, Actor& target, const Actor& inflictor, int32_t amount, int32_t kickback) {
   if (target.mass <= 0 || target.has(ActorFlag::kNoClip) || target.has(ActorFlag::kDontThrust) ||
       inflictor.has(ActorFlag::kNoDamageThrust))
     return;
-  Angle angle = angle_to(inflictor.x, inflictor.y, target.x, target.y);
+  Angle angle = way_of_push(inflictor, target);
   int64_t thrust = int64_t{amount} * (kFracUnit >> 3) * kickback / target.mass;
   // A light hit from far below may make the dying fall towards it.
   if (amount < 40 && amount > target.health && int64_t{target.z} - inflictor.z > to_fixed(64) &&
@@ -57,7 +63,7 @@ int64_t blast_thrust(int64_t points, const Actor& target) {
 
 /// Away from `spot`; cut towards 0, as in ViZDoom.
 void push_by_blast(Actor& target, const Actor& spot, int64_t thrust) {
-  const Angle way = angle_to(spot.x, spot.y, target.x, target.y);
+  const Angle way = way_of_push(spot, target);
   const auto part = [&](Fixed share) {
     return static_cast<int64_t>(static_cast<__int128>(thrust) * share / (int64_t{kFracUnit} << kBlastBits));
   };
@@ -65,19 +71,20 @@ void push_by_blast(Actor& target, const Actor& spot, int64_t thrust) {
   target.velocity_y = clamped_fixed(target.velocity_y + part(fine_sine(way)));
 }
 
-/// What a blast with a source adds to the damage's own push: half a unit a tic for each of its points (16.16, before rounding)
+/// What a blast adds to the damage's own push: half a unit a tic for each of its points (16.16, before rounding)
 /// and pound, and as much up for each unit by which the middle of the body lies above it, times 0.8 for its own source and 0.5
 /// for others. Measured in ViZDoom 1.3.2: 13.0033 across and -1.6107 up 33 units from a rocket of one's own.
-void lift(Actor& target, const Actor& spot, const Actor& source, int64_t points) {
+void lift(Actor& target, const Actor& spot, const Actor* source, int64_t points) {
   constexpr int64_t kOfOneself = 8, kOfOthers = 5;  // tenths
   if (target.mass <= 0 || target.has(ActorFlag::kNoClip) || target.has(ActorFlag::kDontThrust) ||
-      spot.has(ActorFlag::kNoDamageThrust))
+      spot.has(ActorFlag::kNoDamageThrust) || spot.has(ActorFlag::kOldRadiusDamage) ||
+      target.has(ActorFlag::kOldRadiusDamage))
     return;
   const int64_t thrust = blast_thrust(points, target);
   push_by_blast(target, spot, thrust);
   const int64_t above = int64_t{target.z} + target.height / 2 - spot.z;
   const auto up = static_cast<int64_t>(static_cast<__int128>(thrust) * above *
-                                       (&target == &source ? kOfOneself : kOfOthers) /
+                                       (&target == source ? kOfOneself : kOfOthers) /
                                        (int64_t{10} << (kFracBits + kBlastBits)));
   target.velocity_z =
       clamped_fixed(int64_t{target.velocity_z} + std::clamp<int64_t>(up, -kThrustMax, kThrustMax));
@@ -211,7 +218,8 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
         static_cast<int32_t>(std::min<int64_t>(int64_t{player->damage_flash} + amount, kDamageFlashMax));
     if (amount <= 0) return 0;
   }
-  if (attacker != nullptr && source != &target && amount <= kCountedDamage) {
+  const bool harmless = target.has(ActorFlag::kNoDamage);  // it feels pain all the same
+  if (attacker != nullptr && source != &target && amount <= kCountedDamage && !harmless) {
     Player& shooter = world.state().players[static_cast<std::size_t>(source->player_index)];
     ++shooter.hits_dealt;
     // Whole, however little health was left: ViZDoom counts it so (basic.wad: 10 or 15 for a target with 1).
@@ -219,7 +227,7 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
   }
 
   const int32_t health_before = target.health;
-  target.health = add_saturated(target.health, -amount);
+  if (!harmless) target.health = add_saturated(target.health, -amount);
   if ((target.has(ActorFlag::kBuddha) || (player != nullptr && player->buddha)) && !forced)
     target.health = std::max(target.health, 1);
   if (player != nullptr) player->health = std::max(target.health, 0);
@@ -328,9 +336,8 @@ void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fix
                                   full_damage_distance);
     const uint32_t victim_id = victim->id;
     if (points > 0) damage_actor(world, *victim, &spot, source, points, type);
-    if (world.actor(spot_id) == nullptr) return;
     victim = world.actor(victim_id);
-    if (source != nullptr && victim != nullptr) lift(*victim, spot, *source, push);
+    if (victim != nullptr) lift(*victim, spot, source, push);
   }
 }
 

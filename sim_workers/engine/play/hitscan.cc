@@ -237,18 +237,15 @@ int64_t shot_height(World& world, const Actor& shooter) {
   return height;
 }
 
-/// Rise over run of a pitch (positive up), which may not come near the vertical.
-Fixed slope_of(int32_t up) {
-  const auto steepest = static_cast<int32_t>(kSteepest);
-  const auto angle = static_cast<Angle>(std::clamp(up, -steepest, steepest));
-  return fixed_div(fine_sine(angle), fine_cosine(angle));
+/// The pitch (positive down) from `height` to `z`, `far` away.
+int32_t pitch_to(int64_t height, int64_t z, int64_t far) {
+  return -static_cast<int32_t>(vector_angle(clamped_fixed(far), clamped_fixed(z - height)));
 }
 
-int64_t square_root(uint64_t value) {
-  uint64_t root = 0;
-  for (uint64_t bit = uint64_t{1} << 31; bit != 0; bit >>= 1)
-    if ((root | bit) * (root | bit) <= value) root |= bit;
-  return static_cast<int64_t>(root);
+/// A pitch that does not come near the vertical.
+int32_t limited_pitch(const Actor& shooter) {
+  constexpr auto kSteep = static_cast<int32_t>(kSteepest);
+  return std::clamp(static_cast<int32_t>(shooter.pitch), -kSteep, kSteep);
 }
 
 /// A shot's way in space. `distance` counts along it, as its range does.
@@ -257,16 +254,14 @@ struct Ray {
   int64_t z = 0, dz = 0;
   int64_t distance = 0;
 
-  Ray(World& world, const Actor& shooter, Angle angle, Fixed range, Fixed slope) {
-    const int64_t flat =
-        slope == 0 ? range
-                   : (int64_t{range} << kFracBits) /
-                         square_root((uint64_t{1} << 32) + static_cast<uint64_t>(int64_t{slope} * slope));
+  Ray(World& world, const Actor& shooter, Angle angle, Fixed range, int32_t pitch) {
+    const auto down = static_cast<Angle>(pitch);
+    const int64_t flat = (int64_t{range} * fine_cosine(down)) >> kFracBits;
     path.x = shooter.x, path.y = shooter.y;
     path.dx = (flat * fine_cosine(angle)) >> kFracBits;
     path.dy = (flat * fine_sine(angle)) >> kFracBits;
     z = shot_height(world, shooter);
-    dz = (flat * slope) >> kFracBits;
+    dz = -((int64_t{range} * fine_sine(down)) >> kFracBits);
     distance = std::max<int64_t>(range, 1);
   }
   int64_t z_at(int64_t fraction) const {
@@ -421,6 +416,43 @@ void strike(World& world, Actor& shooter, Actor& victim, const Ray& ray, int64_t
 
 }  // namespace
 
+Angle vector_angle(Fixed x, Fixed y) {
+  constexpr uint32_t kSlopes = 2048;
+  static const std::array<Angle, kSlopes + 1> kAngles = [] {
+    std::array<Angle, kSlopes + 1> angles{};
+    for (uint32_t i = 0; i <= kSlopes; ++i) {
+      // Euler's series of the arctangent: each term is 2n / (2n + 1) x^2 / (1 + x^2) of the one before.
+      const double slope = static_cast<double>(i) / kSlopes, ratio = slope * slope / (1 + slope * slope);
+      double term = slope / (1 + slope * slope), sum = 0;
+      for (int n = 1; n <= 60; ++n) {
+        sum += term;
+        term *= ratio * (2 * n) / (2 * n + 1);
+      }
+      angles[i] = static_cast<Angle>(sum / 6.283185307179586 * 4294967295.0);
+    }
+    return angles;
+  }();
+  const auto angle_of = [](uint32_t small, uint32_t large) {
+    if (large < 512) return kAngles[kSlopes];
+    return kAngles[std::min<uint64_t>((uint64_t{small} << 3) / (large >> 8), kSlopes)];
+  };
+  if (x == 0 && y == 0) return 0;
+  const uint32_t width = static_cast<uint32_t>(std::abs(int64_t{x})),
+                 height = static_cast<uint32_t>(std::abs(int64_t{y}));
+  Angle angle = 0;
+  if (x >= 0 && y >= 0) {
+    angle = width > height ? angle_of(height, width) : kAngle90 - 1 - angle_of(width, height);
+  } else if (x >= 0) {
+    angle = width > height ? 0u - angle_of(height, width) : kAngle180 + kAngle90 + angle_of(width, height);
+  } else if (y >= 0) {
+    angle = width > height ? kAngle180 - 1 - angle_of(height, width) : kAngle90 + angle_of(width, height);
+  } else {
+    angle = width > height ? kAngle180 + angle_of(height, width)
+                           : kAngle180 + kAngle90 - 1 - angle_of(width, height);
+  }
+  return angle;
+}
+
 bool trace_path(World& world, Fixed x, Fixed y, Fixed dx, Fixed dy, bool lines, bool actors,
                 const std::function<bool(const PathCrossing&)>& visit) {
   return walk(world, {x, y, dx, dy}, lines, actors ? ActorShape::kDiagonal : ActorShape::kNone,
@@ -446,20 +478,14 @@ Aim aim_line(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed ve
                                world.catalog()[player->ready_weapon].flags.has(ActorFlag::kWeaponNoAutoaim));
     if (!aims_itself) range = kAimFreely;
   }
-  const auto up = static_cast<int32_t>(Angle{0} - shooter.pitch);
-  const auto steepest = static_cast<int32_t>(kSteepest);
-  const int32_t level_up = std::clamp(up, -steepest, steepest);
-  int64_t top = slope_of(level_up + static_cast<int32_t>(range));
-  int64_t bottom = slope_of(level_up - static_cast<int32_t>(range));
-
-  Aim aim{nullptr, slope_of(level_up)};
+  Aim aim{nullptr, limited_pitch(shooter)};
+  int32_t top = aim.pitch - static_cast<int32_t>(range), bottom = aim.pitch + static_cast<int32_t>(range);
   const int64_t height = shot_height(world, shooter);
   const Path path = {shooter.x, shooter.y, (int64_t{distance} * fine_cosine(angle)) >> kFracBits,
                      (int64_t{distance} * fine_sine(angle)) >> kFracBits};
-  walk(world, path, true, ActorShape::kDiagonal, [&](const Crossing& crossing) {
+  walk(world, path, true, ActorShape::kBox, [&](const Crossing& crossing) {
     const int64_t far = std::max<int64_t>(
         1, static_cast<int64_t>((static_cast<__int128>(distance) * crossing.fraction) >> kFractionBits));
-    const auto slope_to = [&](int64_t z) { return ((z - height) << kFracBits) / far; };
     if (!crossing.is_actor) {
       const Linedef& line = world.level().linedefs[crossing.index];
       if (!line.back ||
@@ -467,15 +493,16 @@ Aim aim_line(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed ve
         return false;
       const Opening opening = opening_of(world, crossing.index);
       if (opening.range() <= 0) return false;
-      bottom = std::max(bottom, slope_to(opening.bottom));
-      top = std::min(top, slope_to(opening.top));
-      return top > bottom;
+      bottom = std::min(bottom, pitch_to(height, opening.bottom, far));
+      top = std::max(top, pitch_to(height, opening.top, far));
+      return top < bottom;
     }
     Actor& actor = *crossing.actor;
     if (actor.id == shooter.id || !can_be_shot(actor)) return true;
-    const int64_t actor_top = slope_to(int64_t{actor.z} + actor.height), actor_bottom = slope_to(actor.z);
-    if (actor_top < bottom || actor_bottom > top) return true;
-    aim = {&actor, clamped_fixed((std::min(actor_top, top) + std::max(actor_bottom, bottom)) / 2)};
+    const int32_t actor_top = pitch_to(height, int64_t{actor.z} + actor.height, far);
+    const int32_t actor_bottom = pitch_to(height, actor.z, far);
+    if (actor_top > bottom || actor_bottom < top) return true;
+    aim = {&actor, std::max(actor_top, top) / 2 + std::min(actor_bottom, bottom) / 2};
     return false;
   });
   return aim;
@@ -490,9 +517,9 @@ Aim aim_bullet(World& world, Actor& shooter) {
   return left.target != nullptr ? left : aim_line(world, shooter, shooter.angle - kAimSideways, kAimRange);
 }
 
-Actor* line_attack(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed slope, int32_t damage,
+Actor* line_attack(World& world, Actor& shooter, Angle angle, Fixed distance, int32_t pitch, int32_t damage,
                    DamageType type, uint32_t puff_type) {
-  const Ray ray(world, shooter, angle, distance, slope);
+  const Ray ray(world, shooter, angle, distance, pitch);
   const ShotEnd end =
       follow_shot(world, ray, shooter, [](Actor& actor, int64_t) { return can_be_shot(actor); });
   if (end.kind == ShotEnd::Kind::kActor) {
@@ -513,8 +540,7 @@ void rail_attack(World& world, Actor& shooter, int32_t damage, Angle angle_offse
   };
   std::array<Struck, 64> all{};  // more bodies on one line go unharmed
   std::size_t count = 0;
-  const auto up = static_cast<int32_t>(Angle{0} - shooter.pitch);
-  const Ray ray(world, shooter, shooter.angle + angle_offset, kRailRange, slope_of(up));
+  const Ray ray(world, shooter, shooter.angle + angle_offset, kRailRange, limited_pitch(shooter));
   // Harm comes after the search, because it may move and remove bodies.
   const ShotEnd end = follow_shot(world, ray, shooter, [&](Actor& actor, int64_t fraction) {
     if (can_be_shot(actor) && count < all.size()) all[count++] = {&actor, fraction};

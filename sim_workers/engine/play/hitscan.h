@@ -23,12 +23,16 @@ struct PathCrossing {
 bool trace_path(World& world, Fixed x, Fixed y, Fixed dx, Fixed dy, bool lines, bool actors,
                 const std::function<bool(const PathCrossing&)>& visit);
 
-/// What a shot would aim at within `distance`, and the slope to it. Without a target: nobody, slope of the
-/// pitch. `vertical_range` are degrees (16.16) up and down; 0: 35, or half a degree for a player who looks
-/// freely without auto-aim.
+/// The angle of a vector by Doom's table of 2 048 slopes, with its edges (measured in ViZDoom: north is a quarter of a turn less
+/// one, slopes of less than 512 count as one eighth of a turn).
+Angle vector_angle(Fixed x, Fixed y);
+
+/// What a shot would aim at within `distance`, and the pitch to it (positive down): halfway between the pitches to the top and
+/// the bottom of what is seen of its near side, by Doom's table of slopes. Without a target: nobody, the shooter's pitch.
+/// `vertical_range` are degrees (16.16) up and down; 0: 35, or half a degree for a player who looks freely without auto-aim.
 struct Aim {
   Actor* target = nullptr;
-  Fixed slope = 0;
+  int32_t pitch = 0;
 };
 Aim aim_line(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed vertical_range = 0);
 /// The player's aim: its direction, then 5.6 degrees to either side; range 1024.
@@ -36,7 +40,7 @@ Aim aim_bullet(World& world, Actor& shooter);
 
 /// A bullet or a blow: hurts the first body, or marks the wall (puff, blood, lines that act when shot).
 /// Returns whom it hit. Unlike aiming it meets the sides, the top and the bottom of boxes, as ZDoom's.
-Actor* line_attack(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed slope, int32_t damage,
+Actor* line_attack(World& world, Actor& shooter, Angle angle, Fixed distance, int32_t pitch, int32_t damage,
                    DamageType type, uint32_t puff_type);
 /// A rail: everything on the way.
 void rail_attack(World& world, Actor& shooter, int32_t damage, Angle angle_offset, uint32_t puff_type);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/play/actions.h"
@@ -332,7 +333,35 @@ bool give(World& world, int player_index, uint32_t type, const Giving& giving) {
   return false;
 }
 
-void remove_entry(Player& player, uint32_t type) {
+bool in_bar(const World& world, const InventoryItem& item) {
+  return item.type < world.catalog().size() && world.catalog()[item.type].flags.has(ActorFlag::kInvBar);
+}
+
+/// Where the selected item of the inventory bar is: the first taken, unless a key chose another.
+std::optional<std::size_t> selected_place(const World& world, const Player& player) {
+  std::optional<std::size_t> first;
+  for (std::size_t i = 0; i < player.inventory.size(); ++i) {
+    if (player.inventory[i].type == player.selected_item) return i;
+    if (!first && in_bar(world, player.inventory[i])) first = i;
+  }
+  return first;
+}
+
+/// Where a selected item goes, what was taken before it is selected next, else what was taken after it.
+void remove_entry(const World& world, Player& player, uint32_t type) {
+  if (type == player.selected_item) {
+    uint32_t before = kNoType, after = kNoType;
+    bool passed = false;
+    for (const InventoryItem& item : player.inventory) {
+      if (item.type == type) {
+        passed = true;
+      } else if (in_bar(world, item)) {
+        if (!passed) before = item.type;
+        if (passed && after == kNoType) after = item.type;
+      }
+    }
+    player.selected_item = before != kNoType ? before : after;
+  }
   std::erase_if(player.inventory, [type](const InventoryItem& item) { return item.type == type; });
 }
 
@@ -522,7 +551,7 @@ int32_t take_item(World& world, int player_index, uint32_t type, int32_t amount)
   item->amount -= taken;
   if (item->amount > 0 || info.item_class == ItemClass::kAmmo || info.flags.has(ActorFlag::kKeepDepleted))
     return taken;
-  remove_entry(player, type);
+  remove_entry(world, player, type);
   if (info.item_class == ItemClass::kWeapon) forget_weapon(world, player_index, type);
   return taken;
 }
@@ -633,11 +662,13 @@ bool has_key(const World& world, const Actor& actor, int32_t lock) {
   return holds(color) || holds(color + 3);
 }
 
-void tic_powers(World& world, int player_index) {
+void tic_powers(World& world, int player_index, bool fresh) {
   Player& player = player_at(world, player_index);
   for (std::size_t i = 0; i < player.powers.size();) {
     Power& power = player.powers[i];
-    if (power.tics > 0) --power.tics;
+    const bool counts = power.is_fresh == fresh;
+    power.is_fresh = power.is_fresh && !counts;
+    if (counts && power.tics > 0) --power.tics;
     if (power.tics != 0) {
       ++i;
       continue;
@@ -688,8 +719,35 @@ bool use_item(World& world, int player_index, uint32_t type) {
   item = find_item(player, type);
   if (world.has(wad::GameFlag::kInfiniteInventory)) return true;
   if (item != nullptr && --item->amount <= 0 && !info.flags.has(ActorFlag::kKeepDepleted))
-    remove_entry(player, type);
+    remove_entry(world, player, type);
   return true;
+}
+
+void choose_item(World& world, int player_index, const Buttons& before, const Buttons& pressed) {
+  constexpr int32_t kBarTics = 175;
+  Player& player = player_at(world, player_index);
+  if (player.item_bar_tics > 0) --player.item_bar_tics;
+  const bool uses = pressed.use_item && !before.use_item;
+  const bool next = pressed.select_next_item && !before.select_next_item;
+  const bool previous = pressed.select_previous_item && !before.select_previous_item;
+  if (!uses && !next && !previous) return;
+  if (uses && !player.totally_frozen) {
+    // While the bar is open the key only closes it.
+    if (player.item_bar_tics > 0) {
+      player.item_bar_tics = 0;
+    } else if (const auto place = selected_place(world, player)) {
+      use_item(world, player_index, player.inventory[*place].type);
+    }
+  }
+  if (!next && !previous) return;
+  player.item_bar_tics = kBarTics;
+  // The next one is what was taken before it, as in ZDoom's list; behind the last comes the first.
+  const std::size_t count = player.inventory.size(), step = next ? count - 1 : 1;
+  if (const auto place = selected_place(world, player)) {
+    std::size_t to = (*place + step) % count;
+    while (!in_bar(world, player.inventory[to])) to = (to + step) % count;
+    player.selected_item = player.inventory[to].type;
+  }
 }
 
 Actor* drop_item(World& world, Actor& dropper, uint32_t type, int32_t amount, int32_t chance) {

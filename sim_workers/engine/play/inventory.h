@@ -42,11 +42,14 @@ void clear_inventory(World& world, int player);
 void give_start_items(World& world, int player, const Player* before);
 bool has_key(const World& world, const Actor& actor,
              int32_t lock);  ///< lock numbers as in Door_LockedRaise; 0 is open
-void tic_powers(World& world, int player);
+/// A tic of the powers that were given before this tic, or of those that were given in it.
+void tic_powers(World& world, int player, bool fresh);
 /// Armour's part of `damage`; returns what is left for the body.
 int32_t absorb_damage(World& world, int player, int32_t damage, DamageType type);
 /// Uses an item that is kept (inventory bar, UseInventory). True when it was used.
 bool use_item(World& world, int player, uint32_t type);
+/// The keys of the inventory bar; `before` are those of the last tic.
+void choose_item(World& world, int player, const Buttons& before, const Buttons& pressed);
 /// Drops a dead monster's item.
 Actor* drop_item(World& world, Actor& dropper, uint32_t type, int32_t amount, int32_t chance);
 /// What an ammunition type counts as: a ClipBox is Clip.

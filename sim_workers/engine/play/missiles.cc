@@ -60,11 +60,13 @@ bool check_missile_spawn(World& world, Actor& missile) {
   missile.z = clamped_fixed(int64_t{missile.z} + missile.velocity_z / 2);
   Movement movement(world);
   const std::size_t slot = world.slot_of(missile);
-  if (movement.try_move(slot, clamped_fixed(int64_t{missile.x} + missile.velocity_x / 2),
-                        clamped_fixed(int64_t{missile.y} + missile.velocity_y / 2)))
-    return !missile.removed;
-  if (world.actor(id) != nullptr && missile.has(ActorFlag::kMissile))
-    explode_missile(world, missile, nullptr);
+  const Fixed x = clamped_fixed(int64_t{missile.x} + missile.velocity_x / 2);
+  const Fixed y = clamped_fixed(int64_t{missile.y} + missile.velocity_y / 2);
+  if (movement.try_move(slot, x, y)) return !missile.removed;
+  if (world.actor(id) == nullptr) return false;
+  // It ends there, also where that is inside of what stopped it (measured: the push of a rocket fired into a near wall).
+  movement.place(slot, x, y, opening_of_point(world, x, y));
+  if (missile.has(ActorFlag::kMissile)) movement.stop_missile(slot);
   return false;
 }
 
@@ -110,11 +112,7 @@ Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angl
       break;
     }
   }
-  const Angle sideways = angle - kAngle90;
-  const Fixed x = clamped_fixed(int64_t{body.x} + fixed_mul(x_offset, fine_cosine(sideways)) +
-                                fixed_mul(y_offset, fine_cosine(angle)));
-  const Fixed y = clamped_fixed(int64_t{body.y} + fixed_mul(x_offset, fine_sine(sideways)) +
-                                fixed_mul(y_offset, fine_sine(angle)));
+  const Fixed x = clamped_fixed(int64_t{body.x} + x_offset), y = clamped_fixed(int64_t{body.y} + y_offset);
   // Four units below the height of attacks, which crouching lowers (measured).
   const Player* player = world.player_of(body);
   const Fixed hands = player == nullptr
@@ -123,13 +121,15 @@ Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angl
   const Fixed z = clamped_fixed(int64_t{body.z} + body.height / 2 + hands + z_offset);
   Actor& missile = world.spawn_unchecked(type, x, y, z, angle);
   missile.target_id = body.id;
-  // The speed is along the slope: (1, slope) of length sqrt(1 + slope^2).
-  const int64_t slope = missile.has(ActorFlag::kFloorHugger) ? 0 : aim.slope;
-  const int64_t length = std::max<int64_t>(length_of(to_fixed(1) * 256LL, 0, slope * 256LL) / 256, 1);
-  const auto flat_speed = clamped_fixed(int64_t{missile.speed} * kFracUnit / length);
-  missile.velocity_x = fixed_mul(flat_speed, fine_cosine(angle));
-  missile.velocity_y = fixed_mul(flat_speed, fine_sine(angle));
-  missile.velocity_z = fixed_mul(flat_speed, static_cast<Fixed>(slope));
+  // The sines of the table are a little short of a direction; the speed is whole.
+  const Angle pitch = missile.has(ActorFlag::kFloorHugger) ? 0u : static_cast<Angle>(aim.pitch);
+  const int64_t way_x = fixed_mul(fine_cosine(pitch), fine_cosine(angle));
+  const int64_t way_y = fixed_mul(fine_cosine(pitch), fine_sine(angle)), way_z = -fine_sine(pitch);
+  const double length = std::sqrt(static_cast<double>(way_x * way_x + way_y * way_y + way_z * way_z));
+  const auto part = [&](int64_t way) {
+    return static_cast<Fixed>(static_cast<double>(missile.speed * way) / length);
+  };
+  missile.velocity_x = part(way_x), missile.velocity_y = part(way_y), missile.velocity_z = part(way_z);
   return check_missile_spawn(world, missile) ? &missile : nullptr;
 }
 

@@ -8,7 +8,7 @@ namespace comrad::doom {
 /// From `source` towards `target`; null where it exploded at once.
 Actor* spawn_missile(World& world, Actor& source, Actor& target, uint32_t type);
 Actor* spawn_missile_z(World& world, Actor& source, Fixed z, Actor& target, uint32_t type);
-/// From a player along its aim, with the slope of auto-aim.
+/// From a player along its aim, with the pitch of auto-aim. The offsets are along the axes of the map.
 Actor* spawn_player_missile(World& world, Actor& player_body, uint32_t type, Angle angle, Fixed x_offset = 0,
                             Fixed y_offset = 0, Fixed z_offset = 0);
 /// Half a step ahead of its shooter; false where it exploded.

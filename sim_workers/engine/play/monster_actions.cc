@@ -218,19 +218,19 @@ void next_in_table(ActionCall& call) {
   call.go_to(next < call.world.catalog().state_count() ? next : call.state.next);
 }
 
-void marine_bullet(ActionCall& call, Fixed slope, int spread_bits, bool accurate) {
+void marine_bullet(ActionCall& call, int32_t pitch, int spread_bits, bool accurate) {
   World& world = call.world;
   const int32_t damage = 5 * (world.random_byte() % 3 + 1);
   Angle angle = call.self.angle;
   if (!accurate) angle += static_cast<Angle>(world.random_triangle()) << spread_bits;
-  line_attack(world, call.self, angle, kMissileRange, slope, damage, DamageType::kNormal,
+  line_attack(world, call.self, angle, kMissileRange, pitch, damage, DamageType::kNormal,
               world.catalog().known().bullet_puff);
 }
 
 void marine_bullets(ActionCall& call, int count, bool accurate) {
   if (face_and_get_target(call) == nullptr) return;
-  const Fixed slope = aim_line(call.world, call.self, call.self.angle, kMissileRange).slope;
-  for (int i = 0; i < count && !call.self.removed; ++i) marine_bullet(call, slope, 18, accurate);
+  const int32_t pitch = aim_line(call.world, call.self, call.self.angle, kMissileRange).pitch;
+  for (int i = 0; i < count && !call.self.removed; ++i) marine_bullet(call, pitch, 18, accurate);
 }
 
 void marine_punch(ActionCall& call, int32_t factor) {
@@ -240,8 +240,8 @@ void marine_punch(ActionCall& call, int32_t factor) {
   face_target(world, call.self);
   if (!check_melee_range(world, call.self)) return;
   const Angle angle = call.self.angle + (static_cast<Angle>(world.random_triangle()) << 18);
-  const Fixed slope = aim_line(world, call.self, angle, kBlowRange).slope;
-  if (Actor* struck = line_attack(world, call.self, angle, kBlowRange, slope, damage, DamageType::kNormal,
+  const int32_t pitch = aim_line(world, call.self, angle, kBlowRange).pitch;
+  if (Actor* struck = line_attack(world, call.self, angle, kBlowRange, pitch, damage, DamageType::kNormal,
                                   world.catalog().known().bullet_puff))
     call.self.angle = angle_between(call.self, *struck);
 }
@@ -549,8 +549,8 @@ void action_M_Saw(ActionCall& call) {
   const int32_t damage = roll(world, 10, call.integer(2, 2));
   const Angle angle = self.angle + (static_cast<Angle>(world.random_triangle()) << 18);
   const Fixed range = kBlowRange + 1;
-  const Fixed slope = aim_line(world, self, angle, range).slope;
-  const Actor* struck = line_attack(world, self, angle, range, slope, damage, DamageType::kNormal,
+  const int32_t pitch = aim_line(world, self, angle, range).pitch;
+  const Actor* struck = line_attack(world, self, angle, range, pitch, damage, DamageType::kNormal,
                                     call.type(3, world.catalog().known().bullet_puff));
   if (struck == nullptr) return;
   // The saw pulls it towards what it cuts.
@@ -577,11 +577,12 @@ void action_M_FireCGun(ActionCall& call) { marine_bullets(call, 1, call.boolean(
 void action_M_FireShotgun(ActionCall& call) { marine_bullets(call, 7, false); }
 
 void action_M_FireShotgun2(ActionCall& call) {
+  constexpr int32_t kRise = 332063;  // 7.1 degrees up and down, as an angle per step
   World& world = call.world;
   if (face_and_get_target(call) == nullptr) return;
-  const Fixed slope = aim_line(world, call.self, call.self.angle, kMissileRange).slope;
+  const int32_t pitch = aim_line(world, call.self, call.self.angle, kMissileRange).pitch;
   for (int i = 0; i < 20 && !call.self.removed; ++i)
-    marine_bullet(call, slope + world.random_triangle() * 32, 19, false);
+    marine_bullet(call, pitch - kRise * world.random_triangle(), 19, false);
 }
 
 void action_M_FireMissile(ActionCall& call) {

@@ -17,14 +17,12 @@ namespace {
 constexpr int kSlideTries = 2;
 constexpr std::size_t kItemsPerMove = 32;  // more within one body's reach wait for the next move
 
-/// Bodies that already overlap do not hold each other: a move that brings them no nearer is free.
+/// Bodies that already overlap do not hold each other: a move that takes them apart, by Doom's estimate of distances, is free.
 bool moves_apart(const Actor& body, const Actor& other, Fixed x, Fixed y) {
   const int64_t reach = int64_t{body.radius} + other.radius;
-  const auto distance = [&](Fixed from_x, Fixed from_y) {
-    return std::max(std::abs(int64_t{from_x} - other.x), std::abs(int64_t{from_y} - other.y));
-  };
-  const int64_t present = distance(body.x, body.y);
-  return present < reach && distance(x, y) >= present && (x != body.x || y != body.y);
+  const int64_t dx = int64_t{body.x} - other.x, dy = int64_t{body.y} - other.y;
+  if (std::abs(dx) >= reach || std::abs(dy) >= reach) return false;
+  return approximate_distance(int64_t{x} - other.x, int64_t{y} - other.y) > approximate_distance(dx, dy);
 }
 
 bool is_polyobject_line(const WorldState& state, uint32_t line) {
@@ -162,9 +160,17 @@ bool Movement::missile_passes(Actor& missile, Actor& other) {
     if (species(*source) == species(other) && !other.has(ActorFlag::kNoInfighting))
       return false;  // it ends there
   }
+  if (missile.has(ActorFlag::kRipper)) {
+    if (other.id == last_ripped_) return true;
+    last_ripped_ = other.id;
+  }
   const int32_t damage = roll_damage(world_, missile.damage);
   if (missile.has(ActorFlag::kRipper)) {
-    if (damage > 0) damage_actor(world_, other, &missile, source, damage, missile.damage_type);
+    if (damage > 0) {
+      damage_actor(world_, other, &missile, source, damage, missile.damage_type);
+    } else if (Player* const shooter = source != nullptr ? world_.player_of(*source) : nullptr) {
+      ++shooter->hits_dealt;  // without damage it counts as a hit all the same
+    }
     return true;
   }
   if (damage > 0) damage_actor(world_, other, &missile, source, damage, missile.damage_type);
@@ -226,11 +232,15 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
         // A player steps up onto what is no higher than a stair.
         const bool steps_up = touch && body.player_index >= 0 &&
                               int64_t{other.top()} - body.z <= world_.type_of(body).max_step_height;
-        if (body.z >= other.top() || steps_up) {
+        if (body.z >= other.top()) {
           check.floor_z = std::max(check.floor_z, other.top());
         } else if (body.top() <= other.z) {
           check.ceiling_z = std::min(check.ceiling_z, other.z);
-        } else if (charges || !moves_apart(body, other, x, y)) {
+        } else if (!charges && moves_apart(body, other, x, y)) {
+          continue;  // nor is it a step
+        } else if (steps_up) {
+          check.floor_z = std::max(check.floor_z, other.top());
+        } else {
           check.blocked_by_actor = true;
           check.blocking_actor_id = other.id;
           check.fits = fits = false;
@@ -248,6 +258,22 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
   } else if (struck != nullptr && charges) {
     skull_struck(world_, body, struck);
   }
+  // In ViZDoom's order: by the first cell, row by row, that both boxes reach into, then the newest first.
+  const auto first_cell = [&](std::size_t item) {
+    const Actor& actor = state_.actors[item];
+    const int row = blockmap.row_of(std::max<int64_t>(int64_t{actor.y} - actor.radius, int64_t{y} - radius));
+    return row * blockmap.columns() +
+           blockmap.column_of(std::max<int64_t>(int64_t{actor.x} - actor.radius, int64_t{x} - radius));
+  };
+  const auto comes_before = [&](std::size_t item, std::size_t other) {
+    const int cell = first_cell(item), other_cell = first_cell(other);
+    if (cell != other_cell) return cell < other_cell;
+    return state_.links[item].cell != state_.links[other].cell &&
+           state_.actors[item].id > state_.actors[other].id;
+  };
+  for (std::size_t i = 1; i < item_count; ++i)
+    for (std::size_t j = i; j > 0 && comes_before(items[j], items[j - 1]); --j)
+      std::swap(items[j], items[j - 1]);
   for (std::size_t i = 0; i < item_count; ++i) {
     if (state_.actors[items[i]].removed) continue;
     touch_item(world_, state_.actors[slot], state_.actors[items[i]]);
@@ -300,6 +326,12 @@ PositionCheck Movement::check_position(std::size_t slot, Fixed x, Fixed y, bool 
   if (state_.actors[slot].has(ActorFlag::kNoClip)) return check;
   // Things first, as in Doom: an item is taken even where a wall then refuses the move.
   if (check_things(slot, x, y, touch, check)) check_lines(slot, x, y, check);
+  return check;
+}
+
+PositionCheck Movement::check_walls(std::size_t slot, Fixed x, Fixed y) {
+  PositionCheck check = opening_of_point(world_, x, y);
+  if (!state_.actors[slot].has(ActorFlag::kNoClip)) check_lines(slot, x, y, check);
   return check;
 }
 
@@ -524,9 +556,11 @@ void Movement::stop_missile(std::size_t slot) {
   }
   if (!last_.blocked_by_actor && last_.blocking_line >= 0) {
     const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(last_.blocking_line)];
-    if (state_.lines[line.linedef_index].special != 0)
-      world_.events().activate_line(world_, line.linedef_index, body, line.side_of(body.x, body.y) <= 0,
-                                    Activation::kImpact);
+    if (state_.lines[line.linedef_index].special != 0) {
+      Actor* const shooter = world_.actor(body.target_id);  // for whom the line acts
+      world_.events().activate_line(world_, line.linedef_index, shooter != nullptr ? *shooter : body,
+                                    line.side_of(body.x, body.y) <= 0, Activation::kImpact);
+    }
     if (body.removed) return;
   }
   explode_missile(world_, body, world_.actor(last_.blocking_actor_id));
@@ -547,6 +581,7 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
     const auto steps = static_cast<int>(1 + fastest / step_max);
     Fixed start_x = body.x, start_y = body.y;
     for (int step = 1; step <= steps; ++step) {
+      const Fixed speed_x = body.velocity_x, speed_y = body.velocity_y;
       const auto x = static_cast<Fixed>(start_x + int64_t{move_x} * step / steps);
       const auto y = static_cast<Fixed>(start_y + int64_t{move_y} * step / steps);
       if (try_move(slot, x, y)) {
@@ -555,6 +590,8 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
         continue;                               // a line that pushed it counts from the next tic on
       }
       if (body.removed) return;
+      if (slides && (body.velocity_x != speed_x || body.velocity_y != speed_y))
+        break;  // a line that it ran into
       if (slides) {
         if (last_.blocked_by_actor) {
           slide_along_body(slot, x, y);
@@ -583,6 +620,12 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
 
   Actor& body = state_.actors[slot];
   if (body.has(ActorFlag::kMissile) || body.has(ActorFlag::kSkullFly)) return;  // these keep their speed
+  // The dead slide off a step that they hang over.
+  constexpr Fixed kSlideOffSpeed = kFracUnit / 4;
+  if (body.is_corpse() &&
+      (std::abs(body.velocity_x) > kSlideOffSpeed || std::abs(body.velocity_y) > kSlideOffSpeed) &&
+      body.floor_z != state_.sectors[body.sector_index].floor_height)
+    return;
   Player* const player = world_.player_of(body);
   if (body.z > body.ground_z && !stood_on_body) {  // a body on the way up is no ground
     if (player != nullptr) slow_in_air(*player, body, state_.air_control);
@@ -604,8 +647,8 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
 
 void Movement::move_vertically(std::size_t slot, bool left_ledge) {
   Actor& body = state_.actors[slot];
-  if (body.has(ActorFlag::kFloorHugger)) {
-    body.z = body.floor_z;
+  if (body.has(ActorFlag::kFloorHugger)) {  // up only until it moves on
+    body.z = clamped_fixed(int64_t{body.floor_z} + std::max(body.velocity_z, 0));
     return;
   }
   Player* player = body.player_index >= 0 && !body.is_corpse()
@@ -713,7 +756,11 @@ PositionCheck opening_of_point(const World& world, Fixed x, Fixed y) {
 
 bool fits_here(World& world, Actor& actor) {
   if (actor.z < actor.ground_z || int64_t{actor.z} + actor.height > actor.roof_z) return false;
-  const PositionCheck check = Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false);
+  Movement movement(world);
+  const std::size_t slot = world.slot_of(actor);
+  const PositionCheck check = actor.player_index >= 0
+                                  ? movement.check_walls(slot, actor.x, actor.y)
+                                  : movement.check_position(slot, actor.x, actor.y, false);
   return check.fits && int64_t{check.ceiling_z} - check.floor_z >= actor.height;
 }
 

@@ -72,6 +72,9 @@ class Movement {
   /// there, and a missile strikes what it meets.
   PositionCheck check_position(std::size_t slot, Fixed x, Fixed y, bool touch);
 
+  /// The same without regard to bodies.
+  PositionCheck check_walls(std::size_t slot, Fixed x, Fixed y);
+
   /// Whether a step there is not too high and leaves it room. A player takes what lies there.
   bool could_step_to(std::size_t slot, Fixed x, Fixed y);
 
@@ -89,6 +92,9 @@ class Movement {
 
   /// Looks anew which bodies below and above hold the one in `slot`; its ground stays as it is.
   void look_for_bodies(std::size_t slot);
+
+  /// Ends a missile at what the last try_move met: a line may act, the sky swallows it.
+  void stop_missile(std::size_t slot);
 
   /// Puts the body at (x, y) and renews what it stands on from `check`.
   void place(std::size_t slot, Fixed x, Fixed y, const PositionCheck& check);
@@ -112,11 +118,11 @@ class Movement {
   void slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps);
   void slide_along_body(std::size_t slot, Fixed x, Fixed y);
   void cross_lines(std::size_t slot, Fixed old_x, Fixed old_y, const PositionCheck& check);
-  void stop_missile(std::size_t slot);
 
   World& world_;
   WorldState& state_;
-  PositionCheck last_;  // of the last try_move
+  PositionCheck last_;        // of the last try_move
+  uint32_t last_ripped_ = 0;  // a ripper hurts each body once a tic
 };
 
 /// A step of a monster: no deep drops, doors are remembered. Floating ones may adjust their
@@ -137,7 +143,8 @@ PositionCheck opening_of_point(const World& world, Fixed x, Fixed y);
 /// True where nothing is in the way of a body that was put somewhere. Its height is held against the floor and
 /// the ceiling of its centre, so a script may put it half into a ledge (measured: ViZDoom 1.3.2,
 /// `SetActorPosition` with 15 of 16 units of the radius over a floor 100 higher), and against the opening under
-/// its box, so not half into a shut door.
+/// its box, so not half into a shut door. No body is in a player's way (measured: Thing_Move and SetActorPosition onto barrels,
+/// pillars and monsters).
 bool fits_here(World& world, Actor& actor);
 
 }  // namespace comrad::doom

@@ -1,6 +1,8 @@
 #include "sim_workers/engine/play/player_thinker.h"
 
 #include <algorithm>
+#include <cstdlib>
+#include <utility>
 
 #include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
@@ -34,6 +36,7 @@ constexpr Fixed kBobFactor = kFracUnit / 4;
 constexpr uint64_t kBobTics = 20;
 constexpr Fixed kEyeHeightDead = to_fixed(6);
 constexpr Fixed kEyeRise = kFracUnit / 4;
+constexpr int32_t kDeadLook = 3 * (0x40000000 / 90);  // a tic
 
 /// One point of what is above a full body's; the last four at once, as in ViZDoom.
 void lose_surplus_health(const World& world, Player& player, Actor& body) {
@@ -182,13 +185,6 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
 }
 
 void PlayerThinker::move_eye(Player& player, const Actor& body) {
-  if (!player.alive) {
-    player.view_height = std::max(player.view_height - kFracUnit, kEyeHeightDead);
-    player.view_height_delta = 0;
-    player.bob = 0;
-    player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
-    return;
-  }
   // Bob: a wave of 20 tics whose height grows with the square of the speed, before this tic's friction. What blows,
   // recoils and scripts add to the speed does not count.
   const int64_t speed_squared =
@@ -196,13 +192,18 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
   const auto bob = static_cast<Fixed>(std::min<int64_t>((speed_squared * kBobFactor) >> kFracBits, kBobMax));
   player.bob = bob;
   const auto phase = static_cast<Angle>(8192 * world_.tic_count() / kBobTics) << 19;
-  // The eye returns to its height after a step or a landing, faster and faster.
+  // The dead sink. The eye of the living returns to its height after a step or a landing, faster and faster.
   const Fixed normal = eye_height(player);
-  player.view_height += player.view_height_delta;
-  if (player.view_height > normal) {
+  if (!player.alive) {
+    player.view_height = std::max(player.view_height - kFracUnit, kEyeHeightDead);
+    player.view_height_delta = 0;
+  } else {
+    player.view_height += player.view_height_delta;
+  }
+  if (player.alive && player.view_height > normal) {
     player.view_height = normal;
     player.view_height_delta = 0;
-  } else if (player.view_height < normal / 2) {
+  } else if (player.alive && player.view_height < normal / 2) {
     player.view_height = normal / 2;
     player.view_height_delta = std::max(player.view_height_delta, 1);
   }
@@ -218,7 +219,11 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
 void PlayerThinker::think_dead(int player_index, Player& player, Actor& body) {
   move_eye(player, body);
   tic_weapon(world_, player_index);
-  // The dead look at who killed them.
+  // The dead look ahead and turn to their attacker.
+  const auto pitch = static_cast<int32_t>(body.pitch);
+  body.pitch = std::abs(int64_t{pitch}) < 2 * kDeadLook
+                   ? 0u
+                   : body.pitch - static_cast<Angle>(pitch < 0 ? -kDeadLook : kDeadLook);
   if (const Actor* attacker = world_.find_actor(player.attacker_id);
       attacker != nullptr && attacker->id != body.id) {
     const Angle wanted = angle_to(body.x, body.y, attacker->x, attacker->y);
@@ -242,9 +247,8 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
   Buttons buttons = pressed;
   buttons.speed = pressed.speed != world_.options().always_run;
   Player& player = world_.state().players[static_cast<std::size_t>(player_index)];
-  if (buttons.turn_180 && !player.buttons.turn_180 && player.turn_180_tics == 0)
-    player.turn_180_tics = kTurnAroundTics;
-  player.buttons = buttons;
+  if (buttons.turn_180 && !player.buttons.turn_180) player.turn_180_tics = kTurnAroundTics;
+  const Buttons before = std::exchange(player.buttons, buttons);
   player.damage_flash = std::max(player.damage_flash - 1, 0);
   player.field_of_view = std::max(player.field_of_view - kFieldOfViewStep, kFieldOfView);
   player.bonus_flash = std::max(player.bonus_flash - 1, 0);
@@ -254,6 +258,7 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
     think_dead(player_index, player, *body);
     return false;
   }
+  choose_item(world_, player_index, before, buttons);
   // Counted while any turn is held, also across a change of direction, and whether the turn counts or not.
   player.turn_held_tics = buttons.turn_left || buttons.turn_right ? player.turn_held_tics + 1 : 0;
   if (!player.totally_frozen) {
@@ -273,16 +278,19 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
     if (!player.totally_frozen) push(player, *body, buttons);
   }
   move_eye(player, *body);
-  tic_powers(world_, player_index);
   if (world_.has(wad::GameFlag::kDegeneration) && world_.tic_count() % kHealthFallsEveryTics == 0)
     lose_surplus_health(world_, player, *body);
   const Buttons effective = player.effective_buttons();
   if (!player.totally_frozen) choose_weapon(world_, player_index, buttons);
   if (effective.use && !player.use_down) use_lines(world_, *body);
   player.use_down = effective.use;
+  return true;
+}
+
+void PlayerThinker::tic_hand(int player_index) {
+  Player& player = world_.state().players[static_cast<std::size_t>(player_index)];
   tic_weapon(world_, player_index);
-  player.attack_down = effective.attack;
-  return !body->removed && player.alive;
+  player.attack_down = player.effective_buttons().attack;
 }
 
 }  // namespace comrad::doom

@@ -9,9 +9,12 @@ class PlayerThinker {
  public:
   explicit PlayerThinker(World& world) : world_(world) {}
 
-  /// One player's tic. A dead player's body is left to inertia; its eye sinks to the ground. True where it lives
-  /// and so feels the floor on which it stands.
+  /// One player's tic up to the use key. A dead player's body is left to inertia; its eye sinks to the ground. True where it
+  /// lived, and so feels the floor on which it stands and then has a tic of its hand.
   bool think(int player_index, const Buttons& buttons);
+  /// The rest of that tic: its weapon, after what the floor does (measured: a shot that teleports from a floor leaves its secret
+  /// for the next tic).
+  void tic_hand(int player_index);
 
   /// True where the buttons push the body: opposite directions cancel.
   static bool pushes(const Buttons& buttons);

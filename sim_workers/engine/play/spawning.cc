@@ -66,8 +66,7 @@ void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle, const 
   player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
   give_start_items(world, index, before);
   if (world.is_multiplayer() && world.has(wad::GameFlag::kRespawnProtection))
-    player.powers.push_back(
-        {PowerKind::kInvulnerable, kNoType, kProtectionTics - (player.respawn_count > 0 ? 1 : 0)});
+    player.powers.push_back({PowerKind::kInvulnerable, kNoType, kProtectionTics});
   // A trigger held since before the weapon is up does not fire NOAUTOFIRE ones.
   player.weapon_permissions |= kTriggerHeld;
   raise_weapon(world, index);

@@ -1,6 +1,7 @@
 // What the states of weapons in a player's hand do: raising, firing, lights. Numbers of Doom's own weapons
 // stand here, their states in actors/. Stage: tic.
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <string_view>
 
@@ -20,7 +21,7 @@ constexpr Fixed kPlayerRange = to_fixed(8192), kMeleeRange = to_fixed(64);
 constexpr int kBulletSpreadShift = 18;           // triangular, 5.6 degrees at most
 constexpr Fixed kSawSpread = to_fixed(45) / 16;  // degrees, half of a fist's
 constexpr int kSuperShotgunSpreadShift = 19;     // 11.2 degrees
-constexpr int64_t kSuperShotgunRise = 332063;    // 7.1 degrees up and down, as an angle per step
+constexpr int32_t kSuperShotgunRise = 332063;    // 7.1 degrees up and down, as an angle per step
 constexpr int kShotgunPellets = 7, kSuperShotgunPellets = 20;
 constexpr int32_t kBulletDamage = 5;  // times 1..3
 
@@ -51,12 +52,6 @@ Angle spread(World& world, int shift) {
 
 int32_t times(int64_t a, int64_t b) { return clamped_fixed(a * b); }
 
-/// Tangent of a small turn up, added to a slope.
-Fixed tilted(Fixed slope, int64_t turn) {
-  const auto angle = static_cast<Angle>(turn);
-  return clamped_fixed(int64_t{slope} + fixed_div(fine_sine(angle), fine_cosine(angle)));
-}
-
 /// The body shows the flash of its weapon.
 void show_attack(ActionCall& call) {
   if (call.world.type_of(call.self).state(StateLabel::kMelee) != kNoState)
@@ -75,12 +70,12 @@ uint32_t find_type(const World& world, std::string_view name) {
 }
 
 /// One bullet of the pistol, the shotgun and the chaingun.
-void shoot(ActionCall& call, bool exact, Fixed slope) {
+void shoot(ActionCall& call, bool exact, int32_t pitch) {
   World& world = call.world;
   const int32_t damage = kBulletDamage * (1 + static_cast<int32_t>(world.rng().below(3)));
   Angle angle = call.self.angle;
   if (!exact) angle += spread(world, kBulletSpreadShift);
-  line_attack(world, call.self, angle, kPlayerRange, slope, damage, DamageType::kNormal,
+  line_attack(world, call.self, angle, kPlayerRange, pitch, damage, DamageType::kNormal,
               world.catalog().known().bullet_puff);
 }
 
@@ -253,7 +248,7 @@ void action_Punch(ActionCall& call) {
   if (call.player != nullptr && call.player->has_power(PowerKind::kStrength)) damage *= 10;
   const Angle angle = call.self.angle + spread(world, kBulletSpreadShift);
   const Aim aim = aim_line(world, call.self, angle, kMeleeRange);
-  const Actor* struck = line_attack(world, call.self, angle, kMeleeRange, aim.slope, damage,
+  const Actor* struck = line_attack(world, call.self, angle, kMeleeRange, aim.pitch, damage,
                                     DamageType::kNormal, world.catalog().known().bullet_puff);
   if (struck != nullptr) face(call, *struck);
 }
@@ -272,7 +267,7 @@ void action_Saw(ActionCall& call) {
   const Angle angle = call.self.angle + static_cast<Angle>(int64_t{world.random_triangle()} * (wide / 255));
   const Aim aim = aim_line(world, call.self, angle, range);
   const Actor* struck =
-      line_attack(world, call.self, angle, range, aim.slope, damage, DamageType::kNormal, puff);
+      line_attack(world, call.self, angle, range, aim.pitch, damage, DamageType::kNormal, puff);
   if (struck == nullptr) return;
   if (uses_ammo && (flags & kSawNoUseAmmoMiss) != 0 && !use_ammo(world, player_index(call))) return;
   if ((flags & kSawNoTurn) == 0)
@@ -285,7 +280,7 @@ void action_FirePistol(ActionCall& call) {
   show_flash(call);
   show_attack(call);
   const Aim aim = aim_bullet(call.world, call.self);
-  shoot(call, call.player->refire == 0, aim.slope);
+  shoot(call, call.player->refire == 0, aim.pitch);
 }
 
 void action_FireShotgun(ActionCall& call) {
@@ -293,7 +288,7 @@ void action_FireShotgun(ActionCall& call) {
   show_flash(call);
   show_attack(call);
   const Aim aim = aim_bullet(call.world, call.self);
-  for (int pellet = 0; pellet < kShotgunPellets; ++pellet) shoot(call, false, aim.slope);
+  for (int pellet = 0; pellet < kShotgunPellets; ++pellet) shoot(call, false, aim.pitch);
 }
 
 void action_FireShotgun2(ActionCall& call) {
@@ -305,8 +300,8 @@ void action_FireShotgun2(ActionCall& call) {
   for (int pellet = 0; pellet < kSuperShotgunPellets; ++pellet) {
     const int32_t damage = kBulletDamage * (1 + static_cast<int32_t>(world.rng().below(3)));
     const Angle angle = call.self.angle + spread(world, kSuperShotgunSpreadShift);
-    const Fixed slope = tilted(aim.slope, kSuperShotgunRise * world.random_triangle());
-    line_attack(world, call.self, angle, kPlayerRange, slope, damage, DamageType::kNormal,
+    const int32_t pitch = aim.pitch - kSuperShotgunRise * world.random_triangle();
+    line_attack(world, call.self, angle, kPlayerRange, pitch, damage, DamageType::kNormal,
                 world.catalog().known().bullet_puff);
   }
 }
@@ -328,7 +323,7 @@ void action_FireCGun(ActionCall& call) {
                       catalog.state(flash + 1).sprite == catalog.state(flash).sprite;
   show_flash(call, second ? 1 : 0);
   const Aim aim = aim_bullet(call.world, call.self);
-  shoot(call, call.player->refire == 0, aim.slope);
+  shoot(call, call.player->refire == 0, aim.pitch);
 }
 
 void action_FireMissile(ActionCall& call) { launch(call, "Rocket"); }
@@ -396,22 +391,22 @@ void action_FireBullets(ActionCall& call) {
   if (weapon_of(call) == nullptr) return;
   if ((flags & kBulletsUseAmmo) != 0 && !use_ammo(world, player_index(call))) return;
   if ((flags & kBulletsNoFlash) == 0) show_attack(call);
-  const Fixed aimed = (flags & kBulletsNoPitch) != 0 ? 0 : aim_bullet(world, call.self).slope;
+  const int32_t aimed = (flags & kBulletsNoPitch) != 0 ? 0 : aim_bullet(world, call.self).pitch;
   const bool exact = count == 0 || (count == 1 && call.player->refire == 0);
   count = std::clamp(count < 0 ? 1 : count, 1, 1000);
   for (int32_t bullet = 0; bullet < count; ++bullet) {
     Angle angle = call.self.angle;
-    Fixed slope = aimed;
+    int64_t pitch = aimed;
     if (!exact && (flags & kBulletsExplicitAngle) != 0) {
       angle += wide;
-      slope = tilted(slope, -static_cast<int64_t>(static_cast<int32_t>(high)));
+      pitch += static_cast<int32_t>(high);
     } else if (!exact) {
       angle += static_cast<Angle>(int64_t{world.random_triangle()} * (static_cast<int32_t>(wide) / 255));
-      slope = tilted(slope, int64_t{world.random_triangle()} * (static_cast<int32_t>(high) / 255));
+      pitch -= int64_t{world.random_triangle()} * (static_cast<int32_t>(high) / 255);
     }
     int32_t damage = unit;
     if ((flags & kBulletsExact) == 0) damage = times(unit, 1 + static_cast<int64_t>(world.rng().below(3)));
-    line_attack(world, call.self, angle, range, slope, damage, DamageType::kNormal, puff);
+    line_attack(world, call.self, angle, range, clamped_fixed(pitch), damage, DamageType::kNormal, puff);
   }
 }
 
@@ -433,11 +428,11 @@ void action_FireCustomMissile(ActionCall& call) {
       spawn_player_missile(world, call.self, type, call.self.angle + (aims_there ? turn : 0),
                            fixed_mul(aside, fine_cosine(right)), fixed_mul(aside, fine_sine(right)), height);
   call.self.pitch = held_pitch;
-  if (missile == nullptr || aims_there || turn == 0) return;
+  if (missile == nullptr || aims_there) return;
   // Aimed straight ahead, then turned: the speed along the floor stays.
-  const Fixed ahead = clamped_fixed((int64_t{missile->velocity_x} * fine_cosine(missile->angle) +
-                                     int64_t{missile->velocity_y} * fine_sine(missile->angle)) >>
-                                    kFracBits);
+  const int64_t speed_x = missile->velocity_x, speed_y = missile->velocity_y;
+  const auto ahead = clamped_fixed(
+      static_cast<int64_t>(std::sqrt(static_cast<double>(speed_x * speed_x + speed_y * speed_y))));
   missile->angle += turn;
   missile->velocity_x = fixed_mul(ahead, fine_cosine(missile->angle));
   missile->velocity_y = fixed_mul(ahead, fine_sine(missile->angle));
@@ -461,7 +456,7 @@ void action_CustomPunch(ActionCall& call) {
   // It costs only when it hits.
   if ((flags & kPunchUseAmmo) != 0 && aim.target != nullptr && !use_ammo(world, player_index(call))) return;
   const Actor* struck =
-      line_attack(world, call.self, angle, range, aim.slope, damage, DamageType::kNormal, puff);
+      line_attack(world, call.self, angle, range, aim.pitch, damage, DamageType::kNormal, puff);
   if (struck == nullptr) return;
   if (stolen > 0) heal_actor(world, call.self, fixed_mul(damage, stolen));
   if ((flags & kPunchNoTurn) == 0) face(call, *struck);

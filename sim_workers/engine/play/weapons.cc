@@ -25,7 +25,7 @@ bool has_flag(const World& world, uint32_t weapon, ActorFlag flag) {
   return weapon < world.catalog().size() && world.catalog()[weapon].flags.has(flag);
 }
 
-/// The weapons of a slot, the least wanted first.
+/// The weapons of a slot in the order of their definition, as in ViZDoom.
 struct Slot {
   std::array<uint32_t, kSlotWeaponsMax> types{};
   std::size_t count = 0;
@@ -36,7 +36,6 @@ Slot weapons_in(const ActorCatalog& catalog, int number) {
   const auto before = [&](uint32_t a, uint32_t b) {
     const WeaponInfo &left = catalog[a].weapon, &right = catalog[b].weapon;
     if (left.slot_priority != right.slot_priority) return left.slot_priority < right.slot_priority;
-    if (left.selection_order != right.selection_order) return left.selection_order > right.selection_order;
     return a < b;
   };
   for (uint32_t type = 0; type < catalog.size(); ++type) {
@@ -61,7 +60,7 @@ bool usable(const World& world, int player, uint32_t type) {
 }
 
 /// What a slot key requests: in the slot of the weapon in the hand the one before it, in a circle; elsewhere
-/// the most wanted one. kNoType: nothing usable.
+/// the last one. kNoType: nothing usable.
 uint32_t pick_from_slot(const World& world, int player_index, int number) {
   const Slot slot = weapons_in(world.catalog(), number);
   const uint32_t ready = world.player(player_index).ready_weapon;

@@ -346,15 +346,13 @@ void tic_elevator(World& world, SectorMover& elevator) {
 void tic_waggle(World& world, SectorMover& waggle) {
   const bool of_floor = waggle.type == kFloorPlane;
   const Sector& sector = world.sectors()[waggle.sector];
-  const auto place = [&](Fixed height) {
+  const auto place = [&](Fixed height) {  // in a shut sector past the other plane, as in ViZDoom
     if (of_floor) {
-      height = std::min(height, std::max(sector.ceiling_height, sector.floor_height));
       const Fixed old = sector.floor_height;
       world.state().sectors[waggle.sector].floor_height = height;
       settle_bodies(world, waggle.sector, height > old ? PlaneChange::kFloorUp : PlaneChange::kFloorDown,
                     std::abs(height - old), 1);
     } else {
-      height = std::max(height, std::min(sector.floor_height, sector.ceiling_height));
       const Fixed old = sector.ceiling_height;
       world.state().sectors[waggle.sector].ceiling_height = height;
       settle_bodies(world, waggle.sector, height > old ? PlaneChange::kCeilingUp : PlaneChange::kCeilingDown,

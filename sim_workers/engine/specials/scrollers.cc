@@ -220,7 +220,11 @@ void push_body(Actor& body, int64_t dx, int64_t dy) {
 /// A belt: sets everything on its floor into motion.
 void carry(World& world, const Scroller& belt) {
   const Fixed floor = world.sectors()[belt.index].floor_height;
-  const bool slow = std::abs(belt.dx) <= kSlowCarry && std::abs(belt.dy) <= kSlowCarry;
+  // Along each axis by itself (measured: Scroll_Floor(tag, 21, 22, 1)).
+  const bool slow_x = std::abs(belt.dx) <= kSlowCarry, slow_y = std::abs(belt.dy) <= kSlowCarry;
+  const Fixed step_x = slow_x ? belt.dx : 0, step_y = slow_y ? belt.dy : 0;
+  const Fixed push_x = slow_x ? 0 : fixed_mul(belt.dx, kCarryFactor);
+  const Fixed push_y = slow_y ? 0 : fixed_mul(belt.dy, kCarryFactor);
   WorldState& state = world.state();
   const std::size_t count = state.actors.size();
   for (std::size_t slot = 0; slot < count; ++slot) {
@@ -229,11 +233,9 @@ void carry(World& world, const Scroller& belt) {
         body.has(ActorFlag::kNoGravity) || body.has(ActorFlag::kNoInteraction))
       continue;
     if (!touches_sector(world, body, belt.index)) continue;
-    if (slow) {
-      Movement(world).try_move(slot, wrap_add(body.x, belt.dx), wrap_add(body.y, belt.dy));
-    } else {
-      push_body(body, fixed_mul(belt.dx, kCarryFactor), fixed_mul(belt.dy, kCarryFactor));
-    }
+    push_body(body, push_x, push_y);
+    if (step_x != 0 || step_y != 0)
+      Movement(world).try_move(slot, wrap_add(body.x, step_x), wrap_add(body.y, step_y));
   }
 }
 

@@ -130,9 +130,9 @@ bool travel(World& world, Actor& actor, const Destination& to, const Journey& jo
   if (!teleport_move(world, actor, to.x, to.y, z, actor.angle + turned, false, true, actor.player_index >= 0))
     return false;
   // It is put onto the floor of its centre; one that its box reaches over lifts it when it moves next.
-  if (z == kOnFloor) {
+  if (z == kOnFloor || journey.keep_height) {
     const Fixed old_z = actor.z;
-    actor.z = world.sectors()[actor.sector_index].floor_height;
+    actor.z = z == kOnFloor ? world.sectors()[actor.sector_index].floor_height : z;
     if (Player* const player = world.player_of(actor)) player->view_z += actor.z - old_z;
   }
   if (missile || journey.turn == Turn::kByLine) {

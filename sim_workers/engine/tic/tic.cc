@@ -78,11 +78,17 @@ void tic_actor(World& world, std::size_t slot) {
   if (alive_player && actor.velocity_x == 0 && actor.velocity_y == 0 && !pushing &&
       PlayerThinker::is_walking(world, actor))
     set_label(world, actor, StateLabel::kSpawn);
-  if (actor.has(ActorFlag::kDormant)) return;  // it moves, and does nothing
+  if (actor.has(ActorFlag::kDormant) && actor.health > 0) return;  // it moves, and does nothing
   if (actor.tics < 0) return respawn_monster(world, actor);
   if (--actor.tics > 0) return;
   if (actor.state == kNoState) return return_item(world, actor);
   set_state(world, actor, world.catalog().state(actor.state).next);
+}
+
+/// Powers act as the actors that they are in ViZDoom: after the players, and already in the tic that gives them.
+void tic_all_powers(World& world, bool fresh) {
+  for (int player = 0; player < world.player_count(); ++player)
+    if (world.player(player).alive) tic_powers(world, player, fresh);
 }
 
 bool reaches_frag_limit(const World& world) {
@@ -123,16 +129,19 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
   PlayerThinker thinker(world);
   for (int player = 0; player < world.player_count(); ++player) {
     const auto index = static_cast<std::size_t>(player);
-    if (thinker.think(player, index < buttons.size() ? buttons[index] : kNothing))
-      tic_player_in_sector(world, player);
+    if (!thinker.think(player, index < buttons.size() ? buttons[index] : kNothing)) continue;
+    if (world.player(player).alive && world.body_of(player) != nullptr) tic_player_in_sector(world, player);
+    thinker.tic_hand(player);
   }
   carry_bodies(world);
   for (std::size_t slot = 0; slot < old_actors; ++slot) tic_actor(world, slot);
+  tic_all_powers(world, false);
   const std::size_t first_new_mover = tic_movers(world, old_movers);
   const std::size_t old_scrollers = world.state().movers.scrollers.size();
   acs::tic_machine(world);
   // What spawned in this tic acts in it too, after the scripts, as in ViZDoom; the list grows meanwhile.
   for (std::size_t slot = old_actors; slot < world.actors().size(); ++slot) tic_actor(world, slot);
+  tic_all_powers(world, true);
   tic_new_movers(world, first_new_mover, old_scrollers);
   if (reaches_frag_limit(world)) world.exit_level();
   world.compact();

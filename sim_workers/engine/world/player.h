@@ -19,6 +19,7 @@ struct Buttons {
   bool alt_attack = false, crouch = false, turn_180 = false, strafe = false, reload = false, zoom = false;
   bool look_up = false, look_down = false, move_up = false, move_down = false, land = false, use_item = false;
   bool select_next_weapon = false, select_previous_weapon = false, drop_weapon = false;
+  bool select_next_item = false, select_previous_item = false;
   // Delta buttons, as the engine takes them: angles in 65536ths of a turn, moves in the units of the walk
   // keys (25 forward, 24 to a side, 50 at most).
   int32_t yaw_delta = 0;                                    ///< positive turns right
@@ -58,7 +59,8 @@ constexpr int32_t kFieldOfView = 90, kFieldOfViewAfterTeleport = 135;  ///< degr
 struct Power {
   PowerKind kind = PowerKind::kNone;
   uint32_t type = kNoType;
-  int32_t tics = 0;  ///< left; -1 for ever
+  int32_t tics = 0;      ///< left; -1 for ever
+  bool is_fresh = true;  ///< given in this tic, which counts too
 };
 
 enum class PlayerState : uint8_t { kAlive, kDead, kReborn };
@@ -75,6 +77,8 @@ struct Player {
       inventory;  ///< ammunition, weapons, keys, whatever scripts give; in order of taking
   std::vector<Power> powers;
   bool has_backpack = false;
+  uint32_t selected_item = kNoType;  ///< of the inventory bar; one that it does not hold: the first taken
+  int32_t item_bar_tics = 0;         ///< that the bar is still open
 
   // The hand.
   uint32_t ready_weapon = kNoType, pending_weapon = kNoType;  ///< pending kNoType: no change requested

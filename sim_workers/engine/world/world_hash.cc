@@ -72,20 +72,21 @@ class Hash {
   COMRAD_HASHED(Buttons, forward, backward, left, right, turn_left, turn_right, attack, use, jump, speed,
                 select_weapon, alt_attack, crouch, turn_180, strafe, reload, zoom, look_up, look_down,
                 move_up, move_down, land, use_item, select_next_weapon, select_previous_weapon, drop_weapon,
-                yaw_delta, pitch_delta, forward_delta, side_delta, up_delta)
+                select_next_item, select_previous_item, yaw_delta, pitch_delta, forward_delta, side_delta,
+                up_delta)
   COMRAD_HASHED(InventoryItem, type, amount, max_amount)
   COMRAD_HASHED(WeaponSprite, state, tics, x, y, own_x, own_y)
-  COMRAD_HASHED(Power, kind, type, tics)
+  COMRAD_HASHED(Power, kind, type, tics, is_fresh)
   COMRAD_HASHED(Player, actor_id, health, armor, armor_save, armor_type, alive, state, inventory, powers,
-                has_backpack, ready_weapon, pending_weapon, weapon_sprites, fires_alternately, refire,
-                attack_down, use_down, next_weapon_down, previous_weapon_down, extra_light, weapon_ready,
-                weapon_permissions, select_weapon_down, weapon_bob, reload_counter, weapon_state_depth,
-                attacker_id, on_ground, turn_held_tics, turn_180_tics, jump_tics, crouch_factor, stands_up,
-                eye_height, jump_speed, attack_z_offset, view_height, view_z, view_height_delta, walk_x,
-                walk_y, bob, frozen, totally_frozen, no_clip, god_mode, buddha, no_target, instant_switch,
-                damage_flash, bonus_flash, camera_id, field_of_view, damage_taken, damage_dealt, hits_taken,
-                hits_dealt, pickup_count, item_count, secret_count, frag_count, death_count, death_tic,
-                respawn_tics, respawn_count, buttons)
+                has_backpack, selected_item, item_bar_tics, ready_weapon, pending_weapon, weapon_sprites,
+                fires_alternately, refire, attack_down, use_down, next_weapon_down, previous_weapon_down,
+                extra_light, weapon_ready, weapon_permissions, select_weapon_down, weapon_bob, reload_counter,
+                weapon_state_depth, attacker_id, on_ground, turn_held_tics, turn_180_tics, jump_tics,
+                crouch_factor, stands_up, eye_height, jump_speed, attack_z_offset, view_height, view_z,
+                view_height_delta, walk_x, walk_y, bob, frozen, totally_frozen, no_clip, god_mode, buddha,
+                no_target, instant_switch, damage_flash, bonus_flash, camera_id, field_of_view, damage_taken,
+                damage_dealt, hits_taken, hits_dealt, pickup_count, item_count, secret_count, frag_count,
+                death_count, death_tic, respawn_tics, respawn_count, buttons)
   COMRAD_HASHED(ThingLink, next, previous, cell)
   COMRAD_HASHED(LineState, special, args, flags, id, alpha)
   COMRAD_HASHED(SideState, top, bottom, middle, scroll_x, scroll_y, retextured)
