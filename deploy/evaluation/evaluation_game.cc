@@ -185,6 +185,8 @@ Expected<EvaluationGame> prepare_game(const EvaluationRequest& request, const Co
   EvaluationGame game;
   for (const std::string& name : player_names(request)) {
     COMRAD_TRY_ASSIGN(Player player, find_player(name, typed.run.train_dir));
+    if (player.is_person && request.page.empty())
+      return Error{ErrorCode::kBadInput, "a person plays at a page; start comrad play SCENARIO"};
     game.players.push_back(std::move(player));
   }
   if (!request.checkpoint.empty() && !game.player(request.policies.front()).is_network())

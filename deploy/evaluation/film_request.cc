@@ -20,7 +20,17 @@ constexpr const char* kDefaultSize = "640x360";
 constexpr int kWidthMin = 128, kHeightMin = 72, kWidthMax = 1920, kHeightMax = 1080;
 constexpr double kSecondsMax = 1e6;
 
-Status check_size(const std::string& text) {
+Expected<double> check_seconds(const std::string& text) {
+  double seconds = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, failure] = std::from_chars(text.data(), end, seconds);
+  if (failure == std::errc() && stop == end && seconds > 0 && seconds <= kSecondsMax) return seconds;
+  return bad_value("seconds", text, "write how long the film is, in seconds above 0, for example 20");
+}
+
+}  // namespace
+
+Status check_view_size(const std::string& text) {
   int width = 0, height = 0;
   const char* const end = text.data() + text.size();
   const auto first = std::from_chars(text.data(), end, width);
@@ -34,16 +44,6 @@ Status check_size(const std::string& text) {
                    "write WIDTHxHEIGHT of one agent's view, from 128x72 to 1920x1080, for example 640x360");
 }
 
-Expected<double> check_seconds(const std::string& text) {
-  double seconds = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, failure] = std::from_chars(text.data(), end, seconds);
-  if (failure == std::errc() && stop == end && seconds > 0 && seconds <= kSecondsMax) return seconds;
-  return bad_value("seconds", text, "write how long the film is, in seconds above 0, for example 20");
-}
-
-}  // namespace
-
 Expected<FilmPlan> check_films(const FilmRequest& request) {
   FilmPlan plan;
   if (request.video.empty() && request.frames.empty()) {
@@ -56,7 +56,7 @@ Expected<FilmPlan> check_films(const FilmRequest& request) {
     return plan;
   }
   plan.size = request.size.empty() ? kDefaultSize : request.size;
-  COMRAD_TRY(check_size(plan.size));
+  COMRAD_TRY(check_view_size(plan.size));
   if (!request.seconds.empty()) {
     COMRAD_TRY_ASSIGN(plan.seconds, check_seconds(request.seconds));
   }

@@ -16,6 +16,9 @@ struct FilmRequest {
   std::string video = {}, frames = {}, size = {}, seconds = {};
 };
 
+/// The size of an agent's view in films and on pages: from 128x72 to 1920x1080. Errors: kBadInput, naming --size.
+Status check_view_size(const std::string& text);
+
 /// The films to make, with absolute paths: a video's name ends in .mp4, .mkv or .gif and its folder is there and may be
 /// written to; a folder of pictures is new or empty; the size lies between 128x72 and 1920x1080, 640x360 where none was
 /// typed; the seconds are above 0.

@@ -22,6 +22,7 @@ Status seat_players(const EvaluationGame& game, const Team& team, LaunchPlan& pl
   std::map<std::string, int> numbers;  // of networks, by player
   for (const std::string& name : team.players) {
     const Player& player = game.player(name);
+    if (player.is_person) plan.page.people.push_back(static_cast<int>(plan.seats.seats.size()));
     Seat seat{player.kind, -1};
     if (player.is_network()) {
       const auto [found, is_new] = numbers.emplace(name, static_cast<int>(numbers.size()));

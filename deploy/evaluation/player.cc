@@ -52,6 +52,10 @@ Expected<Player> find_player(const std::string& name, const std::string& train_d
       player.kind = kind;
       return player;
     }
+  if (name == kPerson) {
+    player.is_person = true;
+    return player;
+  }
   player.kind = SeatPlayer::kNetwork;
   std::string run = name;
   if (name.ends_with(".pt")) {

@@ -10,9 +10,13 @@
 
 namespace comrad::deploy {
 
+/// A player that comrad play seats.
+constexpr const char* kPerson = "person";
+
 struct Player {
   std::string name;  ///< as typed
   SeatPlayer kind = SeatPlayer::kNoop;
+  bool is_person = false;  ///< kNoop for the policy workers: the simulator presses what the person does
   // Of a network alone.
   std::string run_dir;
   RunConfig trained;  ///< as config.toml of its run states
@@ -25,7 +29,7 @@ struct Player {
   bool is_network() const { return kind == SeatPlayer::kNetwork; }
 };
 
-/// Reads a player: "random", "oracle", "noop", a run (its folder, or an experiment below `train_dir`), or a checkpoint
+/// Reads a player: "random", "oracle", "noop", "person", a run (its folder, or an experiment below `train_dir`), or a checkpoint
 /// in a run's folder (a path that ends in .pt). Its settings and its checkpoint, unless one was named, are still to be
 /// found. Errors: those of find_run() and load_run_config(); kNotFound for a checkpoint that is not there.
 Expected<Player> find_player(const std::string& name, const std::string& train_dir);

@@ -2,12 +2,18 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <system_error>
 
+#include "deploy/evaluation/statistics.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
@@ -16,6 +22,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr int kFormatVersion = 1;
+constexpr std::size_t kHeadBytesMax = 1 << 20;
 
 std::string file_name(uint64_t episode) {
   char name[40];
@@ -76,6 +83,62 @@ Status keep_episodes(const std::string& folder, const EvaluationGame& game, cons
                                      head.dump() + "\n" + text.substr(end + 1), /*durable=*/false));
   }
   return {};
+}
+
+Expected<Json> summarise_recorded(const std::string& folder, bool each) {
+  std::vector<std::string> paths;
+  std::error_code failed;
+  for (const auto& entry : fs::directory_iterator(folder, failed))
+    if (entry.path().extension() == ".comrad") paths.push_back(entry.path().string());
+  if (failed) return file_error(folder, failed.value());
+  if (paths.empty())
+    return Error{
+        ErrorCode::kNotFound,
+        folder + ": no episodes (*.comrad); comrad eval --episodes_dir and comrad play --save write them"};
+  std::ranges::sort(paths);
+  std::vector<double> scores, returns, lengths;
+  std::set<std::string> players;
+  Json summary, all = Json::array();
+  for (const std::string& path : paths) {
+    std::string line;
+    std::ifstream file(path, std::ios::binary);
+    for (char letter; line.size() < kHeadBytesMax && file.get(letter) && letter != '\n';) line += letter;
+    const Json head = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const auto is = [&head](const char* key, auto kind) { return head.contains(key) && (head[key].*kind)(); };
+    if (!head.is_object() || head.value("format", Json()) != "comrad-episode" ||
+        !is("scenario", &Json::is_string) || !is("policy", &Json::is_string) ||
+        !is("score", &Json::is_number) || !is("num_agents", &Json::is_number) ||
+        !is("length_tics", &Json::is_number) || !is("returns", &Json::is_array))
+      return Error{ErrorCode::kBadFormat, path + ": it is no episode of comrad eval --episodes_dir"};
+    for (const char* key : {"scenario", "num_agents"}) {
+      if (!summary.contains(key)) summary[key] = head[key];
+      if (summary[key] != head[key])
+        return Error{ErrorCode::kBadInput, path + ": its " + key + " is " + head[key].dump() +
+                                               ", that of the first is " + summary[key].dump() +
+                                               "; keep them in different folders"};
+    }
+    scores.push_back(head["score"].get<double>());
+    lengths.push_back(head["length_tics"].get<double>());
+    double sum = 0;
+    for (const Json& one : head["returns"]) sum += one.is_number() ? one.get<double>() : 0;
+    returns.push_back(sum);
+    players.insert(head["policy"].get<std::string>());
+    if (each)
+      all.push_back({{"file", fs::path(path).filename().string()},
+                     {"policy", head["policy"]},
+                     {"J", scores.back()},
+                     {"return", sum},
+                     {"length_tics", head["length_tics"]}});
+  }
+  const double half_width = confidence_95(scores);
+  summary["policy"] = joined(players, " | ");
+  summary["episodes"] = scores.size();
+  summary["J_mean"] = mean(scores);
+  summary["J_ci95"] = std::isfinite(half_width) ? Json(half_width) : Json();
+  summary["return_mean"] = mean(returns);
+  summary["length_tics_mean"] = mean(lengths);
+  if (each) summary["each"] = std::move(all);
+  return summary;
 }
 
 }  // namespace comrad::deploy

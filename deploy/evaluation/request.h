@@ -23,6 +23,10 @@ struct EvaluationRequest {
   FilmRequest films = {};
   std::string positions = {}, episodes_file = {};  ///< files to write; empty: none
   std::string episodes_dir = {};                   ///< folder of episodes that play again; empty: none
+  std::string recorded = {};                       ///< folder of recorded episodes to score; empty: none
+  std::string page = {},
+              page_size = "640x360";  ///< socket that shows what is played, of which size; empty: none
+  double pictures_per_s = 17.5;       ///< there, at most
 };
 
 }  // namespace comrad::deploy

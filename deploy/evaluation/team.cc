@@ -102,7 +102,8 @@ Expected<std::vector<Team>> make_teams(const EvaluationRequest& request, int num
     if (seat >= num_agents)
       return bad(fmt::format("--seat={}={}: the team has {} agents, 0 to {}", seat, player, num_agents,
                              num_agents - 1));
-  if (seats.size() == agents && !request.policies.empty())
+  // comrad play names a player for the remaining agents, whether or not there are any.
+  if (seats.size() == agents && !request.policies.empty() && request.page.empty())
     return bad("--seat names a player for every agent, so --policy has none to play; leave it out");
   const std::vector<std::string> others =
       request.policies.empty() ? std::vector<std::string>{""} : request.policies;

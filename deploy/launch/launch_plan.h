@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "deploy/launch/restart_policy.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/schema/episode_record.h"
 #include "rollout_buffer/schema/network_size.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -34,6 +36,15 @@ struct FilmPlan {
   std::string size;            ///< of one agent's view, "640x360"
   double seconds = 0;  ///< of film, a decision's 4 tics are 4/35 s; the episodes are played on; 0: no limit
   bool is_wanted() const { return !video.empty() || !frames.empty(); }
+};
+
+/// Where what an evaluation plays is shown live, played by one environment (comrad watch, comrad play).
+struct PagePlan {
+  std::string socket;  ///< the abstract socket that the simulator connects to; empty: nowhere
+  std::string size;    ///< of one agent's view, "640x360"
+  double pictures_per_s = 17.5;
+  std::vector<int> people = {};  ///< agents that people play there, and no policy
+  bool is_wanted() const { return !socket.empty(); }
 };
 
 /// A program that makes another host join this run. It reads the run's address from its standard input, and leaves when
@@ -72,6 +83,8 @@ struct LaunchPlan {
       false;  ///< this run's simulators play in one that joins it, from this host (--link dds)
   bool sends_frames = false;  ///< kFeeding: its policy workers play with this host's simulators
   FilmPlan film;
+  PagePlan page = {};
+  std::function<void(const EpisodeRecord&)> on_episode = nullptr;  ///< evaluation: called as each one ends
   bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()
   bool keeps_episodes = false;   ///< simulators write each episode into episodes_folder(), which is there
 

@@ -87,7 +87,9 @@ void RunResources::drain_episodes(RateMeter& meter) {
   while (const std::optional<EpisodeRecord> record =
              arena_->episodes().read(shm::EpisodeReader::kSupervisor)) {
     publish(dds::EpisodeResult{.scenario = plan_.config.run.scenario, .record = *record});
-    if (record->episode_id < plan_.episodes) meter.add(*record);
+    if (record->episode_id >= plan_.episodes) continue;
+    meter.add(*record);
+    if (plan_.on_episode) plan_.on_episode(*record);
   }
   if (const uint64_t lost = arena_->episodes().lost(shm::EpisodeReader::kSupervisor); lost > episodes_lost_) {
     episodes_lost_ = lost;

@@ -37,6 +37,7 @@ constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"feeder", "comrad-trajectory-sender", "trajectory sender"}};
 constexpr bool is_single(Role role) { return role != Role::kSim && role != Role::kPolicy; }
 constexpr const char* kFilmingSimulator = "comrad-sim-film";
+constexpr const char* kShowingSimulator = "comrad-sim-watch";
 
 const Kind& kind_of(const Worker& worker) { return kKinds[static_cast<std::size_t>(worker.role)]; }
 
@@ -82,7 +83,10 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
   const RunConfig& config = plan_.config;
   ChildOptions options;
   const bool films = worker.role == Role::kSim && plan_.film.is_wanted();
-  options.program = plan_.program(films ? kFilmingSimulator : kind_of(worker).program);
+  const bool shows = worker.role == Role::kSim && plan_.page.is_wanted();
+  options.program = plan_.program(films   ? kFilmingSimulator
+                                  : shows ? kShowingSimulator
+                                          : kind_of(worker).program);
   options.arguments = {"--run_dir", plan_.run_dir, "--arena", server};
   const auto add = [&](auto... words) { (options.arguments.emplace_back(words), ...); };
   const auto set = [&](const char* name, const std::string& value) {
@@ -117,6 +121,11 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
           add("--film_finished_video", plan_.film.finished_video);
         }
         if (!plan_.film.frames.empty()) add("--film_frames", plan_.film.frames);
+      }
+      if (shows) {
+        add("--page", plan_.page.socket, "--view_size", plan_.page.size);
+        add("--pictures_per_s", std::to_string(plan_.page.pictures_per_s));
+        if (!plan_.page.people.empty()) add("--people", joined(plan_.page.people, ","));
       }
       set_threads(1);
       set("LP_NUM_THREADS", "0");  // llvmpipe draws on the calling thread: one core per simulator

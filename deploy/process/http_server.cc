@@ -93,7 +93,9 @@ std::optional<HttpReply> refusal_of(const Request& request, const HttpRequest& r
   for (auto field = origins.first; field != origins.second; ++field)
     if (view_of(field->value()) != "http://" + std::string(host))
       return words(403, "the request comes from a page of another origin; open the printed address instead");
-  if (!rules.token.empty() && !is_same_word(read.value("token"), rules.token))
+  const std::string token = read.value("token");
+  const auto is_right = [&](const std::string& one) { return is_same_word(token, one); };
+  if (!rules.tokens.empty() && std::ranges::none_of(rules.tokens, is_right))
     return words(403, "the token is missing or wrong; open the printed address, with its token");
   return std::nullopt;
 }
@@ -225,11 +227,11 @@ class Connection : public std::enable_shared_from_this<Connection> {
                      [self = shared_from_this()](Code fault, std::size_t) { self->asked(fault); });
   }
 
-  void send(std::shared_ptr<const std::string> message, bool is_picture) {
+  void send(std::shared_ptr<const std::string> message, HttpServer::Kind kind) {
     if (is_over_) return;
-    if (is_picture && queued_bytes_ > shared_->limits.picture_bytes) return;
+    if (kind != HttpServer::Kind::kText && queued_bytes_ > shared_->limits.picture_bytes) return;
     queued_bytes_ += message->size();
-    queue_.emplace_back(std::move(message), is_picture);
+    queue_.emplace_back(std::move(message), kind == HttpServer::Kind::kPicture);
     if (queued_bytes_ > shared_->limits.queue_bytes) return end();
     if (queue_.size() == 1) write();
   }
@@ -450,7 +452,7 @@ void HttpServer::send(SocketId socket, std::shared_ptr<const std::string> messag
   const auto found = state_->shared->sockets.find(socket);
   if (found == state_->shared->sockets.end()) return;
   if (const std::shared_ptr<Connection> connection = found->second.lock())
-    connection->send(std::move(message), kind == Kind::kPicture);
+    connection->send(std::move(message), kind);
 }
 
 void HttpServer::close(SocketId socket) {

@@ -46,8 +46,8 @@ using SocketId = uint64_t;
 
 /// What is served, and to which clients.
 struct HttpRules {
-  std::string token = {};    ///< that each request's query must hold as `token`; empty: none is needed
-  std::string address = {};  ///< beside 127.0.0.1, localhost and [::1] a Host that is not refused
+  std::vector<std::string> tokens = {};  ///< a request's query must hold one as `token`; none: none is needed
+  std::string address = {};              ///< beside 127.0.0.1, localhost and [::1] a Host that is not refused
   std::function<HttpReply(const HttpRequest&)> answer;
   /// Of a WebSocket: why it is refused, or status 200. Null: there are none.
   std::function<HttpReply(SocketId, const HttpRequest&)> open = nullptr;
@@ -81,8 +81,8 @@ class HttpServer {
   void listen_to(int descriptor, std::function<void()> readable);
   void forget(int descriptor);
 
-  /// A picture is dropped where the other end is slow.
-  enum class Kind { kText, kPicture };
+  /// Pictures, which go out as binary messages, and texts that are droppable are dropped where the other end is slow.
+  enum class Kind { kText, kDroppableText, kPicture };
   void send(SocketId socket, std::shared_ptr<const std::string> message, Kind kind);
   void close(SocketId socket);
 

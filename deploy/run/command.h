@@ -31,6 +31,8 @@ int train_command(Arguments arguments);
 int serve_command(Arguments arguments);
 int join_command(Arguments arguments);
 int eval_command(Arguments arguments);
+int watch_command(Arguments arguments);
+int play_command(Arguments arguments);
 int plot_command(Arguments arguments);
 int report_command(Arguments arguments);
 int export_command(Arguments arguments);

@@ -32,6 +32,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr int64_t kEpisodesOfAFilm = 1;
+constexpr double kEpisodesOfAPage = 1e7;  // until it is closed
 
 /// The files to write, with absolute paths; empty: none.
 struct OutputFiles {
@@ -68,12 +69,17 @@ Expected<OutputFiles> check_request(EvaluationRequest& request, const CommandLin
     COMRAD_TRY_ASSIGN(files.episodes_dir,
                       check_new_folder("episodes_dir", request.episodes_dir, "; name a new one"));
   }
+  if (!request.page.empty()) {
+    if (files.film.is_wanted() || !files.positions.empty())
+      return Error{ErrorCode::kBadInput, "a page is shown without films and --positions_file"};
+    if (!line.was_typed("episodes")) request.episodes = kEpisodesOfAPage;
+  }
   const bool has_several_teams = request.policies.size() > 1 || !request.cross_play.empty();
-  if (has_several_teams &&
-      (files.film.is_wanted() || !files.positions.empty() || !files.episodes_dir.empty()))
+  if (has_several_teams && (files.film.is_wanted() || !files.positions.empty() ||
+                            !files.episodes_dir.empty() || !request.page.empty()))
     return Error{
         ErrorCode::kBadInput,
-        "films, --positions_file and --episodes_dir are of one team; start comrad eval once for each "
+        "films, pages, --positions_file and --episodes_dir are of one team; start comrad eval once for each "
         "policy"};
   return files;
 }
@@ -216,12 +222,62 @@ void print_results(const EvaluationRequest& request, const std::vector<PlayedTea
   }
 }
 
+/// Plays for a page until that is closed. Episodes that are to be kept are written as each one ends.
+Expected<int> show(const EvaluationRequest& request, const OutputFiles& files, const EvaluationGame& game) {
+  const Team& team = game.teams.front();
+  const bool is_greedy = request.greedy && !request.stochastic &&
+                         std::ranges::any_of(team.players, [&game](const std::string& name) {
+                           return game.player(name).is_network();
+                         });
+  COMRAD_TRY_ASSIGN(LaunchPlan plan, plan_of(game, team, is_greedy));
+  plan.page.socket = request.page;
+  plan.page.size = request.page_size;
+  plan.page.pictures_per_s = request.pictures_per_s;
+  plan.show_progress = false;
+  plan.keeps_episodes = !files.episodes_dir.empty();
+  Status kept;
+  if (plan.keeps_episodes) {
+    COMRAD_TRY(make_episodes_folder(plan));
+    plan.on_episode = [&](const EpisodeRecord& episode) {
+      const Status written = keep_episodes(files.episodes_dir, game, plan, {&team, {episode}});
+      if (kept && !written) std::fprintf(stderr, "comrad eval: error: %s\n", written.error().message.c_str());
+      if (kept) kept = written;
+    };
+  }
+  COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
+  COMRAD_TRY(kept);
+  if (outcome.reason == StopReason::kFailed) return Error{ErrorCode::kPeerLost, outcome.message};
+  return kExitDone;
+}
+
+/// Scores episodes that were played already, by people or policies.
+Expected<int> score_recorded(const EvaluationRequest& request, const CommandLine& line) {
+  if (!request.policies.empty() || !request.seats.empty() || !request.cross_play.empty() ||
+      !line.typed().values.empty())
+    return Error{ErrorCode::kBadInput,
+                 "--recorded scores episodes that were played already; leave out players and settings"};
+  COMRAD_TRY_ASSIGN(const Json summary, summarise_recorded(request.recorded, request.json));
+  if (request.json)
+    std::printf("%s\n", summary.dump().c_str());
+  else if (request.csv)
+    std::fputs(csv_text({summary}).c_str(), stdout);
+  else
+    for (const auto& [key, value] : summary.items())
+      if (!value.is_array())
+        std::printf("%-18s %s\n", key.c_str(),
+                    value.is_string() ? value.get<std::string>().c_str() : rounded(value).c_str());
+  return kExitDone;
+}
+
 Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
+  if (!request.recorded.empty()) return score_recorded(request, line);
   COMRAD_TRY_ASSIGN(const OutputFiles files, check_request(request, line));
   if (request.background) yield_to_others();
   for (const std::string& text : flags_unused_by_eval(line.typed()))
     std::fprintf(stderr, "comrad eval: note: %s\n", text.c_str());
-  COMRAD_TRY_ASSIGN(const EvaluationGame game, prepare_game(request, line, files.film.is_wanted()));
+  COMRAD_TRY_ASSIGN(const EvaluationGame game,
+                    prepare_game(request, line, files.film.is_wanted() || !request.page.empty()));
+  if (!request.page.empty()) return show(request, files, game);
 
   const auto plays_greedily = [&](const Team& team) {
     return request.greedy && !request.stochastic &&
@@ -334,6 +390,13 @@ int eval_command(Arguments arguments) {
   line.add_option("episodes_dir", request.episodes_dir, "DIR",
                   "write each episode's map and actions into a new folder, to be played again in Python "
                   "(comrad.load_episode)");
+  line.add_option("recorded", request.recorded, "DIR",
+                  "play nothing: score the episodes of this folder (--episodes_dir, comrad play --save)");
+  line.add_option("page", request.page, "SOCKET",
+                  "show what is played at this socket, one environment, until it is closed (comrad watch and "
+                  "comrad play start this)");
+  line.add_option("page_size", request.page_size, "WxH", "of one agent's view there (default 640x360)");
+  line.add_option("page_rate", request.pictures_per_s, "N", "views a second there at most (default 17.5)");
   line.add_switch("greedy", request.greedy, "networks take the most likely action (default True)");
   line.add_switch("stochastic", request.stochastic, "draw actions from the policy, as training does");
   line.add_switch("each", request.each, "report every episode as well (--json always does)");

@@ -38,6 +38,7 @@ RewardTracker::RewardTracker(const std::vector<RewardTerm>& terms, int num_agent
   }
   set_env_frames(0);
   before_.resize(terms_.size() * num_agents_);
+  parts_.resize(before_.size());
 }
 
 void RewardTracker::set_env_frames(double env_frames) {
@@ -47,6 +48,7 @@ void RewardTracker::set_env_frames(double env_frames) {
 void RewardTracker::reset(std::span<const double> value) {
   COMRAD_DCHECK(value.size() == before_.size(), "one value per term and agent");
   std::copy(value.begin(), value.end(), before_.begin());
+  std::fill(parts_.begin(), parts_.end(), 0.0);
 }
 
 void RewardTracker::step(std::span<const double> value, std::span<double> reward,
@@ -82,9 +84,9 @@ void RewardTracker::step(std::span<const double> value, std::span<double> reward
           break;
       }
       before = term.kind == Kind::kNewMax ? std::max(before, now) : now;
-      if (!pays.empty() && pays[i * num_agents_ + agent] == 0) continue;
+      const bool pays_now = pays.empty() || pays[i * num_agents_ + agent] != 0;
       if (term.cap > 0.0) amount = std::clamp(amount, -term.cap, term.cap);
-      sum += term.weight * amount;
+      sum += parts_[i * num_agents_ + agent] = pays_now ? term.weight * amount : 0.0;
     }
     reward[agent] = sum;
   }

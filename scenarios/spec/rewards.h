@@ -53,6 +53,8 @@ class RewardTracker {
   ///   reward  [N]        written
   ///   pays    [term, N]  0 where the term's `when` or `unless` shuts it; empty: every term pays
   void step(std::span<const double> value, std::span<double> reward, std::span<const uint8_t> pays = {});
+  /// What each term added to the last decision's rewards [term, N].
+  std::span<const double> parts() const { return parts_; }
 
  private:
   enum class Kind { kDelta, kRise, kFall, kNewMax, kValue, kEvent };
@@ -66,6 +68,7 @@ class RewardTracker {
   int num_agents_;
   std::vector<Term> terms_;
   std::vector<double> before_;  ///< [term, N]; the best so far for new_max
+  std::vector<double> parts_;
 };
 
 }  // namespace comrad::scenarios

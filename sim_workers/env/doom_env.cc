@@ -71,7 +71,7 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   rewards_.reset(reward_value_);
   summary_.agent_return.fill(0.0f);
   std::fill(buttons_.begin(), buttons_.end(), doom::Buttons{});
-  if (watcher_ != nullptr) watcher_->began(*this);
+  for (TicWatcher* watcher : watchers_) watcher->began(*this);
 }
 
 void DoomEnvironment::step(std::span<const int32_t> action) {
@@ -92,7 +92,8 @@ void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
       step_.terminated = true;
     else if (world_.tic_count() >= limit_tics_)
       step_.truncated = true;
-    if (watcher_ != nullptr && i + 1 < game_->frame_skip && !step_.episode_over()) watcher_->ticked(*this);
+    if (i + 1 < game_->frame_skip && !step_.episode_over())
+      for (TicWatcher* watcher : watchers_) watcher->ticked(*this);
   }
   ++step_count_;
   read_reward_variables();
@@ -100,7 +101,7 @@ void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
   for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
     summary_.agent_return[agent] += step_.reward[agent] = static_cast<float>(exact_reward_[agent]);
   if (step_.episode_over()) fill(summary_);
-  if (watcher_ != nullptr) watcher_->ticked(*this);
+  for (TicWatcher* watcher : watchers_) watcher->ticked(*this);
 }
 
 double DoomEnvironment::read(int agent, scenarios::GameVariable variable, int agent_stride) const {

@@ -104,8 +104,11 @@ class DoomEnvironment final : public Environment {
   std::span<const double> exact_reward() const { return exact_reward_; }
   uint64_t state_hash() const override;
 
-  /// Observer of its tics; null: none. Not owned.
-  void show_to(TicWatcher* watcher) { watcher_ = watcher; }
+  /// What each reward term added to the last step's exact rewards [term, N].
+  std::span<const double> reward_parts() const { return rewards_.parts(); }
+
+  /// Adds a watcher, which sees each tic after those that were added before. Not owned.
+  void show_to(TicWatcher* watcher) { watchers_.push_back(watcher); }
   /// What each agent [N] holds down since the last step began.
   std::span<const doom::Buttons> pressed() const { return buttons_; }
   /// The summary as if the episode ended now.
@@ -149,7 +152,7 @@ class DoomEnvironment final : public Environment {
   uint32_t step_count_ = 0;
   Step step_;
   EpisodeRecord summary_;
-  TicWatcher* watcher_ = nullptr;
+  std::vector<TicWatcher*> watchers_;
 };
 
 /// A worker's environments and their one renderer.

@@ -171,8 +171,9 @@ Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& 
   EnvironmentOptions options =
       environment_options(config, layouts, shape.num_agents, arena.shape().envs_per_worker);
   options.use_global_state = shape.global_state_count > 0;
-  COMRAD_TRY_ASSIGN(const auto environments,
+  COMRAD_TRY_ASSIGN(auto environments,
                     make_environments(options, roles, positions.get(), recorder.get(), program));
+  if (program.wrap) environments = program.wrap(std::move(environments), arena);
   COMRAD_TRY_ASSIGN(
       const auto worker,
       SimWorker::create(

@@ -23,7 +23,8 @@ constexpr const char* kUpgrade =
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
 
 HttpRules page_rules(const std::string& token = "") {
-  return {.token = token, .answer = [](const HttpRequest& request) -> HttpReply {
+  return {.tokens = token.empty() ? std::vector<std::string>() : std::vector<std::string>{"other", token},
+          .answer = [](const HttpRequest& request) -> HttpReply {
             return {.type = "text/html; charset=utf-8", .body = "page " + request.path};
           }};
 }

@@ -87,6 +87,9 @@ TEST(Rewards, TermsAddUpPerAgentAndPerAgentWeightsAreShared) {
   tracker.step(now, reward);
   EXPECT_DOUBLE_EQ(reward[0], 1.0 + 0.75);
   EXPECT_DOUBLE_EQ(reward[1], 0.75);
+  EXPECT_EQ(std::vector<double>(tracker.parts().begin(), tracker.parts().end()),
+            (Doubles{1.0, 0, 0.75, 0.75}))
+      << "[term, agent]";
 }
 
 TEST(Rewards, WeightsCanBeChangedAndTheCeilingOfAReturnIsUnknownThen) {
