@@ -27,7 +27,8 @@ Expected<std::string> find_iwad(const std::string& path) {
   }
   return Error{ErrorCode::kNotFound, "no freedoom2.wad found in " +
                                          (wanted.empty() ? joined(kIwadPlaces) : wanted) +
-                                         ": install the Debian package freedoom or set COMRAD_IWAD"};
+                                         ": install the Debian package freedoom or set COMRAD_IWAD (for Python: "
+                                         "pip install comrad-freedoom)"};
 }
 
 }  // namespace comrad::wad

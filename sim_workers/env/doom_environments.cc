@@ -40,6 +40,9 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
   if (filter == Resize::kNone && render_size != kObservationSize)
     return bad_input("render_size " + options.render_size +
                      " needs resize=nearest or resize=area to become 128x72");
+  if (filter != Resize::kNone && !can_resize())
+    return Error{ErrorCode::kUnsupported,
+                 "this build cannot resize views; draw at 128x72, or use the trainer's simulator"};
   std::shared_ptr<LayoutLibrary> library;
   std::shared_ptr<const DoomGame> game;
   if (options.layouts.empty()) {

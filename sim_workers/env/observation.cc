@@ -2,7 +2,9 @@
 
 #include <charconv>
 #include <cstring>
+#ifdef COMRAD_HAVE_OPENCV
 #include <opencv2/imgproc.hpp>
+#endif
 
 namespace comrad::sim {
 
@@ -20,6 +22,13 @@ Expected<ViewSize> parse_view_size(const std::string& text) {
                "render_size is '" + text + "'; write WIDTHxHEIGHT with both in 16..4096"};
 }
 
+#ifndef COMRAD_HAVE_OPENCV
+bool can_resize() { return false; }
+void resize_planes(const uint8_t*, ViewSize, Resize, uint8_t*) {
+  COMRAD_CHECK(false, "can_resize() was not asked");
+}
+#else
+bool can_resize() { return true; }
 void resize_planes(const uint8_t* source, ViewSize source_size, Resize filter, uint8_t* destination) {
   const std::size_t source_bytes = std::size_t(source_size.width) * source_size.height;
   const std::size_t destination_bytes = std::size_t{kObservationSize.width} * kObservationSize.height;
@@ -32,5 +41,6 @@ void resize_planes(const uint8_t* source, ViewSize source_size, Resize filter, u
     cv::resize(from, to, to.size(), 0, 0, filter == Resize::kArea ? cv::INTER_AREA : cv::INTER_NEAREST);
   }
 }
+#endif
 
 }  // namespace comrad::sim

@@ -20,9 +20,13 @@ constexpr ViewSize kObservationSize{128, 72};
 /// Reads "160x120". Errors: kBadInput naming the text and the range 16..4096.
 Expected<ViewSize> parse_view_size(const std::string& text);
 
+/// False in the Python package, which is built without OpenCV.
+bool can_resize();
+
 /// Resizes a planar picture, plane by plane.
 ///   source       [3, source_size.height, source_size.width] u8
 ///   destination  [3, 72, 128] u8
+/// Call it where can_resize().
 void resize_planes(const uint8_t* source, ViewSize source_size, Resize filter, uint8_t* destination);
 
 }  // namespace comrad::sim

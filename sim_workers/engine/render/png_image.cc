@@ -6,8 +6,17 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <cstring>
 #include <string>
+
+#ifdef COMRAD_PNG_ARCHIVE
+// Where libpng.a, as CMakeLists.txt changed it, finds stderr.
+extern "C" {
+extern FILE* comrad_png_stderr;
+FILE* comrad_png_stderr = stderr;
+}
+#endif
 
 namespace comrad::doom {
 namespace {

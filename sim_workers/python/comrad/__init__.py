@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 _data = pathlib.Path(__file__).parent / "data"
 if _data.is_dir():
     os.environ.setdefault("COMRAD_HOME", str(_data))
+# The package comrad-freedoom goes before the system's IWAD.
+if _freedoom := importlib.util.find_spec("comrad_freedoom"):
+    os.environ.setdefault("COMRAD_IWAD", str(pathlib.Path(str(_freedoom.origin)).with_name("freedoom2.wad")))
 
 try:
     import gymnasium  # noqa: F401

@@ -1,40 +1,34 @@
-"""What to install where the engine cannot be loaded."""
+"""What to do where the engine cannot be loaded."""
 
+import platform
 import re
 
-REQUIRED = ("gymnasium", "numpy", "pettingzoo")
-PACKAGES = {  # Debian's, by the beginning of a library's name; {} is the version behind it
-    "libopencv_core.so.": "libopencv-core{}",
-    "libopencv_imgproc.so.": "libopencv-imgproc{}",
-    "libpng16.so.": "libpng16-{}",
-    "libxxhash.so.": "libxxhash{}",
-    "libz.so.": "zlib1g",
-    "libtomlplusplus.so.": "libtomlplusplus{}",
-    "libspdlog.so.": "libspdlog{}",
-    "libfmt.so.": "libfmt{}",
-}
+REQUIRED = ("gymnasium", "nanobind_backend", "numpy", "pettingzoo")
+COMPILE = "compile it there: `pip install .` in COMRAD's folder"
 
 
-def package_of(library: str) -> str | None:
-    """The package that brings a library; None for one that is not known."""
-    for begin, package in PACKAGES.items():
-        if library.startswith(begin):
-            return package.format(library.removeprefix(begin))
-    return None
+def what_this_machine_is() -> tuple[str, str, str]:
+    """Its processor, the kind of its C library and that one's version, which are empty where it is not glibc."""
+    return platform.machine(), *platform.libc_ver()
 
 
 def explained(failure: ImportError) -> ImportError:
     """The same failure with what to do about it; itself where that is not known."""
-    if isinstance(failure, ModuleNotFoundError) and failure.name == f"{__package__}._engine":
+    name = failure.name if isinstance(failure, ModuleNotFoundError) else None
+    if name in REQUIRED:
+        package = name.replace("_", "-")
+        return ImportError(f"comrad needs the package {package}; run: pip install {package}")
+    machine, library, version = what_this_machine_is()
+    text = str(failure)
+    if name == f"{__package__}._engine" or "_engine." in text or text.startswith("lib"):
+        if machine != "x86_64":
+            return ImportError(f"comrad's wheel is for x86-64 processors, this machine is {machine}; {COMPILE}")
+        if library != "glibc":
+            return ImportError(f"comrad's wheel is for Linux with glibc, this system has another C library; {COMPILE}")
+    if name == f"{__package__}._engine":
         return ImportError("comrad's engine is not compiled for this Python; run `pip install .` in COMRAD's folder")
-    if isinstance(failure, ModuleNotFoundError) and failure.name in REQUIRED:
-        return ImportError(f"comrad needs the package {failure.name}; run: pip install {failure.name}")
-    missing = re.match(r"(lib\S+): cannot open shared object file", str(failure))
-    package = package_of(missing[1]) if missing else None
-    if missing is None or package is None:
-        return failure
-    return ImportError(
-        f"comrad's engine needs {missing[1]}, which this machine lacks; on the Debian release it was compiled on: apt-get install "
-        f"{package}; elsewhere install a package with that library, or compile comrad again with `pip install .` for the version that "
-        "is there"
-    )
+    if wanted := re.search(r"version `GLIBC_([\d.]+)' not found", text):
+        return ImportError(f"comrad's engine needs glibc {wanted[1]} or newer, this system has {version}; {COMPILE}")
+    if missing := re.match(r"(lib\S+): cannot open shared object file", text):
+        return ImportError(f"comrad's engine needs {missing[1]}, which this machine lacks; install the package that has it, or {COMPILE}")
+    return failure

@@ -7,7 +7,8 @@ import numpy as np
 
 
 class Window:
-    """Shows pictures; opened by the first one. Raises ImportError with words where pygame is not installed."""
+    """Shows pictures; opened by the first one. Raises ImportError with words where pygame is not installed, RuntimeError
+    where there is no display."""
 
     def __init__(self, title: str) -> None:
         try:
@@ -21,8 +22,11 @@ class Window:
         """`picture`: [h, w, 3] u8."""
         height, width, _ = picture.shape
         if self._surface is None:
-            self._pygame.display.init()
-            self._surface = self._pygame.display.set_mode((width, height))
+            try:
+                self._pygame.display.init()
+                self._surface = self._pygame.display.set_mode((width, height))
+            except self._pygame.error as failure:
+                raise RuntimeError(f'render_mode "human" needs a display ({failure}); use render_mode "rgb_array" here') from None
             self._pygame.display.set_caption(self._title)
         self._pygame.event.pump()
         self._pygame.surfarray.blit_array(self._surface, picture.transpose(1, 0, 2))
