@@ -54,7 +54,7 @@ def read(tool: str, file: str) -> list[str]:
 
 
 def shell(path: str, good: str, bad: str) -> Case:
-    return Case(path, "shellcheck", lambda tool, file: [tool, "--severity=warning", file], good, bad)
+    return Case(path, "shellcheck", lambda tool, file: [tool, "--severity=warning", "-x", "-P", str(HOME), file], good, bad)
 
 
 UNIT = "deploy/systemd/comrad@.service"
@@ -97,6 +97,9 @@ CASES = [
     shell("deploy/docker/until_finished", 'before="$word"', 'befor="$word"'),
     shell("deploy/package/postinst", '"$1" = configure', "$1 == configure"),
     shell("deploy/package/prerm", "'comrad@*.service'", "`echo 'comrad@*.service'"),
+    shell("deploy/package/root.sh", 'log="${folder%/}.log"', 'logs="${folder%/}.log'),
+    shell("deploy/package/release.sh", 'echo "ok      ${what}"', 'echo "ok      ${whats}"'),
+    shell("deploy/wheel/build.sh", 'ls -l "${out}"', 'ls -l "${outs}"'),
     shell("deploy/gpu/check.sh", 'kill "${watcher}"', 'kill "${watchr}"'),
     shell("comrad", 'build="${PWD}/${build}"', 'build=${PWD}/$(ls *.build'),
 ]
