@@ -25,10 +25,10 @@ Expected<std::string> find_iwad(const std::string& path) {
     for (const char* const place : kIwadPlaces)
       if (std::filesystem::exists(place, ignored)) return std::string(place);
   }
-  return Error{ErrorCode::kNotFound, "no freedoom2.wad found in " +
-                                         (wanted.empty() ? joined(kIwadPlaces) : wanted) +
-                                         ": install the Debian package freedoom or set COMRAD_IWAD (for Python: "
-                                         "pip install comrad-freedoom)"};
+  return Error{ErrorCode::kNotFound,
+               "no freedoom2.wad found in " + (wanted.empty() ? joined(kIwadPlaces) : wanted) +
+                   ": install the Debian package freedoom or set COMRAD_IWAD (for Python: "
+                   "pip install comrad-freedoom)"};
 }
 
 }  // namespace comrad::wad

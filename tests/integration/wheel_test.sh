@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The wheels of deploy/wheel/build.sh in a new root of a Debian release that has Python and pip and nothing else: pip installs them without a
-# network, and wheel_plays.py beside this plays there; at last examples/ppo.py trains for a minute.
+# network, and wheel_plays.py beside this plays there; at last examples/ppo.py trains for a minute of processor time.
 #
 #   wheel_test.sh RELEASE FOLDER      bookworm or trixie; FOLDER keeps the wheels between the tests of one commit
 #
