@@ -58,6 +58,8 @@ def below(pid: int) -> list[int]:
 class Program:
     """comrad watch or comrad play."""
 
+    started: list["Program"] = []
+
     def __init__(self, comrad: str, words: list[str], scratch: pathlib.Path):
         self.temporary = pathlib.Path(tempfile.mkdtemp(dir=scratch))
         self.errors = open(self.temporary.with_suffix(".err"), "w+", encoding="utf-8")
@@ -68,6 +70,8 @@ class Program:
             text=True,
             env={**os.environ, "TMPDIR": str(self.temporary)},
         )
+
+        Program.started.append(self)
 
     def addresses(self, count: int = 1) -> list[str]:
         lines = [self.process.stdout.readline().strip() for _ in range(count)]
@@ -366,6 +370,9 @@ def main() -> int:
                 test_run(comrad, browser, scratch, asked.pictures)
         finally:
             browser.close()
+            for program in Program.started:  # of a test that failed
+                program.process.terminate()
+                program.process.wait(PATIENCE_S)
     print(f"{len(failed)} failed, {time.monotonic() - began:.0f} s")
     return 1 if failed else 0
 
