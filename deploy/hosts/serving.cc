@@ -22,9 +22,9 @@ Status prepare_serving(RunConfig& config, const std::string& key_folder) {
     config.hosts.interface = link::kLoopback;
   }
   COMRAD_TRY(prepare_calls(config, environment_variable));
-  if (!config.hosts.serve) return {};
+  if (!config.hosts.serve && !config.hosts.publish) return {};
   if (config.hosts.interface == "auto") config.hosts.interface = link::kLoopback;
-  COMRAD_TRY(check_can_be_offered(config));
+  if (config.hosts.serve) COMRAD_TRY(check_can_be_offered(config));
   // The id is drawn later; all that a user may have set is in these already.
   return dds::validate(
       link::serving_config(1, link::link_options(config.hosts, link::kLoopback, key_folder)));
@@ -37,7 +37,7 @@ Expected<std::string> open_join_endpoint(const std::string& run_dir, const RunCo
   COMRAD_TRY_ASSIGN(address.host, link::address_of_interface(config.hosts.interface));
   address.port_base = static_cast<uint32_t>(config.hosts.port_base);
   COMRAD_TRY(link::keep_address(run_dir, address));
-  COMRAD_TRY(make_offer(run_dir, config, iwad));
+  if (config.hosts.serve) COMRAD_TRY(make_offer(run_dir, config, iwad));
   return link::text_of(address);
 }
 
@@ -53,9 +53,14 @@ HostStart own_simulators(const RunConfig& config, const std::string& run_dir, co
 }
 
 std::string join_note(const std::string& address, const RunConfig& config) {
-  return "other hosts join with: comrad join " + address +
-         (config.hosts.insecure_network ? " --insecure_network" : "") +
-         (dds::is_loopback(config.hosts.interface) ? " (from this host: the link is on loopback)" : "");
+  const std::string rest =
+      address + (config.hosts.insecure_network ? " --insecure_network" : "") +
+      (dds::is_loopback(config.hosts.interface) ? " (from this host: the link is on loopback)" : "");
+  std::string note;
+  if (config.hosts.serve) note = "other hosts join with: comrad join " + rest;
+  if (config.hosts.publish)
+    note += (note.empty() ? "" : "\n") + ("monitors look with: comrad top --remote " + rest);
+  return note;
 }
 
 }  // namespace comrad::deploy

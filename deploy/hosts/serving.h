@@ -1,4 +1,4 @@
-// A run that other hosts may join: what is checked before it starts, and its join endpoint. Stage: before a run.
+// A run that other hosts may join or watch: what is checked before it starts, and its join endpoint. Stage: before a run.
 #pragma once
 
 #include <string>
@@ -10,13 +10,13 @@
 
 namespace comrad::deploy {
 
-/// Completes the settings of a run that serves, and refuses what cannot be served, before anything is written: the
-/// interface of the link becomes one that is there. Nothing happens for a run that does not serve.
+/// Completes the settings of a run that serves or publishes, and refuses what cannot be served, before anything is written:
+/// the interface of the link becomes one that is there. Nothing happens for other runs.
 /// Errors: kBadInput (interface, ports, a network without keys), kUnsupported (a scenario by its path).
 Status prepare_serving(RunConfig& config, const std::string& key_folder);
 
-/// Writes what the receiver needs into the run's folder: the link's id and address, and the offer. Returns the address for
-/// `comrad join`. Errors: those of make_offer(), keep_link_id(), address_of_interface().
+/// Writes into the run's folder the link's id and address, and, of a run that serves, the offer. Returns the address for
+/// `comrad join` and `comrad top --remote`. Errors: those of make_offer(), keep_link_id(), address_of_interface().
 Expected<std::string> open_join_endpoint(const std::string& run_dir, const RunConfig& config,
                                          const std::string& iwad);
 

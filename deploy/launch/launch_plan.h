@@ -105,6 +105,8 @@ struct LaunchPlan {
   bool drains() const { return trains() || feeds(); }
   /// Other hosts may join.
   bool serves() const { return trains() && config.hosts.serve; }
+  /// Monitors on other hosts may look.
+  bool publishes() const { return trains() && config.hosts.publish; }
   /// Simulators that this run starts itself.
   int64_t own_workers() const { return simulators_join ? 0 : config.collection.num_workers; }
   /// Places for simulators of hosts without a policy; this host counts as one where its simulators join.

@@ -65,29 +65,18 @@ void RateMeter::close() {
   if (plan_.drains()) accounts_.close(trained_decisions_.total());
 }
 
-std::optional<dds::TrainStats> RateMeter::take_report() {
-  if (arena_ == nullptr) return std::nullopt;
-  const std::optional<shm::LearnerReport> report = arena_->learner_reports().read(report_sequence_);
-  if (!report) return std::nullopt;
-  last_stats_ = {.time_s = report->time_s,
-                 .env_frames = report->env_frames,
-                 .decisions = report->decisions,
-                 .learner_version = report->learner_version,
-                 .env_frames_per_s = report->env_frames_per_s,
-                 .decisions_per_s = report->decisions_per_s,
-                 .score_mean = report->score_mean,
-                 .return_mean = report->return_mean,
-                 .episodes = report->episodes,
-                 .policy_lag_mean = report->policy_lag_mean,
-                 .policy_lag_max = report->policy_lag_max,
-                 .last_checkpoint = report->last_checkpoint};
+bool RateMeter::take_report() {
+  if (arena_ == nullptr) return false;
+  const std::optional<TrainStats> report = arena_->learner_reports().read(report_sequence_);
+  if (!report) return false;
+  last_stats_ = *report;
   // A byte in shared memory may be anything.
-  replay_filled_ = report->replay_filled >= 0 && report->replay_filled < 1 ? report->replay_filled : 1;
+  if (!(report->replay_filled >= 0 && report->replay_filled < 1)) last_stats_.replay_filled = 1;
   if (window_began_s_ > 0 && std::isfinite(report->policy_lag_mean)) {
     lag_sum_ += report->policy_lag_mean;
     ++lag_count_;
   }
-  return last_stats_;
+  return true;
 }
 
 void RateMeter::add(const EpisodeRecord& episode) { episodes_.emplace(episode.episode_id, episode); }

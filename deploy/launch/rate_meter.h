@@ -13,7 +13,8 @@
 #include "deploy/launch/run_accounts.h"
 #include "deploy/launch/run_usage.h"
 #include "rollout_buffer/core/bench_windows.h"
-#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/schema/episode_record.h"
+#include "rollout_buffer/schema/train_stats.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::deploy {
@@ -64,8 +65,8 @@ class RateMeter {
   uint64_t learner_ended();
   /// All workers have ended; accounts() is final.
   void close();
-  /// The learner's report, if there is a new one.
-  std::optional<dds::TrainStats> take_report();
+  /// Reads the learner's report into last_stats(); false where there is no new one.
+  bool take_report();
   /// An episode of an evaluation. A restarted simulator plays some again; they count once.
   void add(const EpisodeRecord& episode);
 
@@ -89,9 +90,9 @@ class RateMeter {
   uint64_t env_frames() const;
   /// Forgotten by learners that went back to a checkpoint.
   uint64_t env_frames_lost() const { return env_frames_lost_; }
-  const dds::TrainStats& last_stats() const { return last_stats_; }
+  const TrainStats& last_stats() const { return last_stats_; }
   /// Share of the decisions in the replay that learning waits for; 1: it waits for none.
-  double replay_filled() const { return replay_filled_; }
+  double replay_filled() const { return last_stats_.replay_filled; }
   const std::map<uint64_t, EpisodeRecord>& episodes() const { return episodes_; }
   /// NaN before the first episode.
   double episode_score_mean() const;
@@ -117,8 +118,7 @@ class RateMeter {
   RunAccounts accounts_;
   uint32_t learner_epoch_ = 0;
   uint64_t report_sequence_ = 0;  // of the learner's report that was read last
-  dds::TrainStats last_stats_;
-  double replay_filled_ = 1;
+  TrainStats last_stats_;
   int goings_back_ = 0;
   uint64_t env_frames_lost_ = 0;
   std::map<uint64_t, EpisodeRecord> episodes_;

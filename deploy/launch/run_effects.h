@@ -1,5 +1,5 @@
 // What supervision (supervision.h) does beside starting processes and sending them signals: an interface, so that a simulation
-// may replace sockets, the bus and the terminal.
+// may replace sockets and the terminal.
 #pragma once
 
 #include <cstdint>

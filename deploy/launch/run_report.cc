@@ -57,7 +57,7 @@ std::string RunReport::film_text() const {
 
 std::string RunReport::progress_line() const {
   if (!plan_.trains()) return evaluation_line();
-  const dds::TrainStats& stats = meter_.last_stats();
+  const TrainStats& stats = meter_.last_stats();
   if (stats.learner_version == 0 && stats.env_frames == 0)
     return "collecting the first batch: " + count_text(static_cast<double>(meter_.played_decisions())) +
            " decisions played";
@@ -92,7 +92,7 @@ std::string RunReport::hosts_text() const {
 }
 
 RunStatus RunReport::status(const std::string& state, const std::string& message) const {
-  const dds::TrainStats& stats = meter_.last_stats();
+  const TrainStats& stats = meter_.last_stats();
   RunStatus status;
   status.state = state;
   status.learner_version = stats.learner_version;
@@ -134,12 +134,12 @@ std::string RunReport::summary(const std::string& how_it_ended, double worked_s)
       how_it_ended + ": " + learned + " env frames" +
       (worked == learned ? "" : ", " + worked + " trained on") + " in " + duration_text(worked_s) + ", " +
       rates_text(worked_s > 0 ? decisions / worked_s : 0, plan_.config.environment.env_frameskip);
-  const dds::TrainStats& stats = meter_.last_stats();
+  const TrainStats& stats = meter_.last_stats();
   if (plan_.trains() && stats.episodes > 0 && std::isfinite(stats.score_mean))
     text += ", J " + score_text(stats.score_mean);
   if (plan_.trains() && stats.learner_version == 0) text += "; no update was made, so nothing was learned";
   if (const std::string lost = meter_.going_back_text(); !lost.empty()) text += "; " + lost;
-  if (!stats.last_checkpoint.empty()) text += "; checkpoint " + stats.last_checkpoint;
+  if (stats.last_checkpoint[0] != 0) text += std::string("; checkpoint ") + stats.last_checkpoint;
   return text;
 }
 

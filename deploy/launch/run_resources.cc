@@ -4,33 +4,22 @@
 
 #include <poll.h>
 #include <sys/random.h>
-#include <unistd.h>
 
 #include <cinttypes>
 #include <cstdio>
 #include <utility>
 
 #include "rollout_buffer/core/files.h"
-#include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/shm/episode_stream.h"
 #include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::deploy {
-namespace {
-
-dds::RunControl desired(const char* state) {
-  return {.run_state = state, .checkpoint_seq = 0, .settings_epoch = 0};
-}
-
-}  // namespace
 
 Status RunResources::open() {
   server_.reset();
-  bus_.reset();
   arena_.reset();
-  // The socket's name is there for every user of the host to see; the bus's ids follow from the run id, which only
-  // the arena's members can read.
+  // The socket's name is there for every user of the host to see, the run id only for the arena's members.
   uint64_t run_id = 0, name_id = 0;
   for (uint64_t* id : {&run_id, &name_id})
     if (getrandom(id, sizeof *id, 0) != sizeof *id) return system_error("getrandom");
@@ -44,8 +33,6 @@ Status RunResources::open() {
   if (!plan_.trains()) control.rollouts_allowed.store(UINT64_MAX);  // no learner will
   COMRAD_TRY_ASSIGN(shm::ArenaServer server, shm::ArenaServer::listen(name, *arena_));
   server_.emplace(std::move(server));
-  COMRAD_TRY_ASSIGN(bus_, dds::Bus::open(dds::bus_config_for_run(run_id)));
-  publish(desired("running"));
   spdlog::info("run {} in {}: arena of {:.1f} MB, {} slabs", name, plan_.run_dir,
                static_cast<double>(shm::Arena::size_bytes(shape)) * 1e-6, shape.slab_count);
   return {};
@@ -61,9 +48,6 @@ std::optional<shm::JoinRequest> RunResources::next_join() {
 }
 
 void RunResources::set_run_state(shm::RunState state) {
-  publish(desired(state == shm::RunState::kStopping ? "stopping"
-                  : state == shm::RunState::kPaused ? "paused"
-                                                    : "running"));
   shm::ControlBlock& control = arena_->control();
   control.run_state.store(state, std::memory_order_release);
   shm::ring(control.run_state_changed);
@@ -83,50 +67,12 @@ void RunResources::note(const std::string& text) {
   printer_.note(text);
 }
 
-void RunResources::drain_episodes(RateMeter& meter) {
-  while (const std::optional<EpisodeRecord> record =
-             arena_->episodes().read(shm::EpisodeReader::kSupervisor)) {
-    publish(dds::EpisodeResult{.scenario = plan_.config.run.scenario, .record = *record});
-    if (record->episode_id >= plan_.episodes) continue;
-    meter.add(*record);
-    if (plan_.on_episode) plan_.on_episode(*record);
-  }
+void RunResources::drain_episodes(const std::function<void(const EpisodeRecord&)>& visit) {
+  while (const std::optional<EpisodeRecord> record = arena_->episodes().read(shm::EpisodeReader::kSupervisor))
+    visit(*record);
   if (const uint64_t lost = arena_->episodes().lost(shm::EpisodeReader::kSupervisor); lost > episodes_lost_) {
     episodes_lost_ = lost;
     note(fmt::format("{} episode records were lost: the supervisor was held up", lost));
-  }
-}
-
-void RunResources::publish_workers(const std::vector<Worker>& workers, const std::string& state) {
-  static const std::string host = host_name();
-  const double now_s = clock_.now_s();
-  const double elapsed_s = workers_published_s_ > 0 ? now_s - workers_published_s_ : 0;
-  workers_published_s_ = now_s;
-  decisions_published_.resize(static_cast<std::size_t>(arena_->shape().sim_worker_count));
-  publish(dds::WorkerStatus{.worker_id = "supervisor",
-                            .host = host,
-                            .pid = getpid(),
-                            .role = "supervisor",
-                            .state = state,
-                            .decisions_per_s = 0,
-                            .message = plan_.run_dir});
-  for (const Worker& worker : workers) {
-    if (worker.role != Role::kSim) continue;
-    const uint64_t count = counters_of(worker, *arena_).decisions.load(std::memory_order_relaxed);
-    const uint64_t before =
-        std::exchange(decisions_published_[static_cast<std::size_t>(worker.index)], count);
-    const std::string gone = state == "stopping" ? state : "failed";
-    publish(dds::WorkerStatus{.worker_id = worker.name,
-                              .host = host,
-                              .pid = worker.process ? worker.process->pid() : 0,
-                              .role = "sim",
-                              .state = !worker.process      ? gone
-                                       : !worker.has_joined ? "starting"
-                                                            : state,
-                              .decisions_per_s = elapsed_s > 0 && count >= before
-                                                     ? static_cast<double>(count - before) / elapsed_s
-                                                     : 0,
-                              .message = worker.last_line});
   }
 }
 

@@ -92,7 +92,7 @@ void SnapshotTaker::look(const shm::Arena& arena, double now_s) {
 RunSnapshot SnapshotTaker::take(const shm::Arena& arena, const RunStatus& status, double now_s) const {
   static const std::string host = host_name();
   const shm::ControlBlock& control = arena.control();
-  const dds::TrainStats& stats = meter_.last_stats();
+  const TrainStats& stats = meter_.last_stats();
   RunSnapshot run;
   run.run = std::filesystem::path(plan_.run_dir).filename().string();
   run.run_dir = plan_.run_dir;

@@ -14,6 +14,7 @@
 #include "deploy/launch/control_socket.h"
 #include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
+#include "deploy/launch/publisher.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/run_report.h"
 #include "deploy/launch/run_resources.h"
@@ -31,10 +32,10 @@ namespace {
 
 constexpr int kTickMs = 50;  // longest sleep of the loop; signals, deaths and joins wake it at once
 constexpr double kStatusIntervalS = 2.0;
-constexpr double kWorkerStatusIntervalS = 1.0;
 constexpr double kShortestLineIntervalS = 0.1;
 constexpr double kFilmLineIntervalS = 1.0;
-constexpr double kLookIntervalS = 1.0;      // at the workers' counters, for their rates
+constexpr double kLookIntervalS = 1.0;  // at the workers' counters, for their rates
+constexpr double kPublishIntervalS = 1.0;
 constexpr double kSnapshotLifetimeS = 0.2;  // repeated requests get the same answer
 
 /// Something that is done every so often.
@@ -60,7 +61,7 @@ class Supervisor {
         clock_(clock),
         printer_(STDERR_FILENO, plan.show_progress),
         evaluations_(plan.run_dir),
-        resources_(plan, clock, printer_),
+        resources_(plan, printer_),
         supervision_(plan, clock, processes, evaluations_, resources_),
         report_(plan, clock, supervision_.meter(), supervision_.workers(), supervision_.evaluator()),
         snapshots_(plan, supervision_.meter(), supervision_.workers()) {}
@@ -86,6 +87,7 @@ class Supervisor {
   void take_news();
   void report();
   void answer_visitors();
+  void publish();
 
   // What comrad ctl requests.
   ControlCommands orders();
@@ -113,12 +115,13 @@ class Supervisor {
   SnapshotTaker snapshots_;
   std::optional<ControlSocket> control_;
   std::optional<MetricsPage> page_;
+  std::optional<Publisher> publisher_;
   RunSnapshot snapshot_;
   double snapshot_s_ = 0;
   bool has_input_ended_ = false;
   RunPhase reported_phase_ = RunPhase::kStarting;
   const double started_s_ = clock_.now_s();
-  Timer line_timer_, status_timer_, worker_status_timer_, look_timer_;
+  Timer line_timer_, status_timer_, look_timer_, publish_timer_;
 };
 
 Status Supervisor::prepare() {
@@ -127,6 +130,9 @@ Status Supervisor::prepare() {
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
   for (const std::string& text : plan_.notes) resources_.note("note: " + text);
   COMRAD_TRY(open_sockets());
+  if (plan_.publishes()) {
+    COMRAD_TRY_ASSIGN(publisher_, Publisher::open(plan_));
+  }
   resources_.warn_once(write_status(plan_.run_dir, report_.status("starting", "")));
   return {};
 }
@@ -134,7 +140,7 @@ Status Supervisor::prepare() {
 void Supervisor::start() {
   supervision_.start();
   if (is_over(supervision_.phase())) return;
-  printer_.line(starting_line());  // at once: a network library takes seconds to load
+  printer_.line(starting_line());  // at once: libtorch takes seconds to load
   line_timer_.wait_until(clock_.now_s() + line_interval_s());
 }
 
@@ -191,9 +197,14 @@ void Supervisor::take_news() {
     supervision_.workers().note_joined(*request);
   supervision_.workers().read_output(printer_);
   if (!resources_.is_open()) return;
-  resources_.drain_episodes(supervision_.meter());
-  if (const std::optional<dds::TrainStats> stats = supervision_.meter().take_report())
-    resources_.publish(*stats);
+  resources_.drain_episodes([&](const EpisodeRecord& record) {
+    if (record.episode_id < plan_.episodes) {
+      supervision_.meter().add(record);
+      if (plan_.on_episode) plan_.on_episode(record);
+    }
+    if (publisher_) resources_.warn_once(publisher_->publish(record));
+  });
+  (void)supervision_.meter().take_report();
 }
 
 void Supervisor::report() {
@@ -207,8 +218,6 @@ void Supervisor::report() {
     if (phase == RunPhase::kStarting) return starting_line();
     return (phase == RunPhase::kPaused ? "paused | " : "") + report_.progress_line();
   };
-  if (worker_status_timer_.is_due(now_s, kWorkerStatusIntervalS))
-    resources_.publish_workers(supervision_.workers().workers(), phase_word());
   if (status_timer_.is_due(now_s, kStatusIntervalS))
     resources_.warn_once(write_status(plan_.run_dir, report_.status(is_over(phase) ? "running" : phase_word(),
                                                                     is_over(phase) ? stop_line() : line())));
@@ -222,6 +231,11 @@ void Supervisor::answer_visitors() {
     snapshots_.look(resources_.arena(), now_s);
   if (control_) control_->tick(now_s);
   if (page_) page_->tick();
+  if (publisher_ && resources_.is_open() && publish_timer_.is_due(now_s, kPublishIntervalS)) publish();
+}
+
+void Supervisor::publish() {
+  resources_.warn_once(publisher_->publish(snapshot(), supervision_.meter().last_stats()));
 }
 
 ControlCommands Supervisor::orders() {
@@ -272,6 +286,7 @@ Expected<RunOutcome> Supervisor::finish() {
   resources_.warn_once(write_status(
       plan_.run_dir,
       report_.status(final_state_of(ending.reason), ending.message + (lost.empty() ? "" : "; " + lost))));
+  if (publisher_) resources_.warn_once(publisher_->publish_state(word_of(ending.reason), ending.message));
   if (ending.error) return *ending.error;
 
   RunOutcome outcome;

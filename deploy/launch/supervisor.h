@@ -11,7 +11,8 @@
 #include "deploy/launch/run_accounts.h"
 #include "deploy/launch/run_phase.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/schema/episode_record.h"
+#include "rollout_buffer/schema/train_stats.h"
 
 namespace comrad::deploy {
 
@@ -21,7 +22,7 @@ struct RunOutcome {
   int exit_code = 0;
   std::string
       message;  ///< how it ended, env frames, time, both rates over the run, J, checkpoint; one line to show
-  dds::TrainStats last_stats;
+  TrainStats last_stats;
   std::vector<EpisodeRecord> episodes;  ///< evaluation: all of them, ordered by episode_id
   MeasuredWindow measured;
   double lag_mean = 0;
@@ -33,7 +34,7 @@ struct RunOutcome {
 /// Runs the plan to its end. SIGINT and SIGTERM: finish the optimizer step, checkpoint, flush, stop within 10
 /// s, or as soon as a slow machine lets the learner save; a second SIGINT stops at once. A dead simulator or policy worker is restarted with back-off; a dead
 /// learner is restarted from the last checkpoint. Children die with this process. Errors: kNoSpace (arena),
-/// kSystem (sockets, DDS), kPeerLost (a worker that keeps dying; its last log line).
+/// kSystem (sockets), kPeerLost (a worker that keeps dying; its last log line).
 Expected<RunOutcome> run(const LaunchPlan& plan);
 
 }  // namespace comrad::deploy

@@ -42,7 +42,7 @@ NOT_LEARNED = frozenset(
     wad device policy_device num_workers worker_num_splits policy_workers min_batch max_batch max_wait_us policy_threads
     learner_threads learners trajectory_slabs micro_batch_size set_workers_cpu_affinity replay_gb replay_file
     replay_compress save_replay
-    serve serve_workers serve_frame_workers serve_bf16_weights link hosts host_keys interface peers port_base
+    serve publish serve_workers serve_frame_workers serve_bf16_weights link hosts host_keys interface peers port_base
     link_buffer_mb link_datagram_bytes insecure_network
     """.split()
 )

@@ -120,9 +120,11 @@ std::vector<std::string> run_lines(const json& run, std::size_t width) {
     work += formatted(" | replay %.0f%% filled", 100 * filled);
   lines.push_back(work);
   const json& slabs = part(run, "slabs");
-  lines.push_back("  trajectories: " + count(slabs, "filling") + " being filled, " + count(slabs, "sealed") +
-                  " wait for the learner, " + count(slabs, "learning") + " in it, " + count(slabs, "free") +
-                  " free (credits) | restarts " + count(run, "restarts"));
+  if (!slabs.empty())
+    lines.push_back("  trajectories: " + count(slabs, "filling") + " being filled, " +
+                    count(slabs, "sealed") + " wait for the learner, " + count(slabs, "learning") +
+                    " in it, " + count(slabs, "free") + " free (credits) | restarts " +
+                    count(run, "restarts"));
   const json& account = part(run, "decisions_account");
   std::string decisions =
       "  decisions: " + count(account, "made") + " made, " + count(account, "trained") + " trained on";
@@ -132,13 +134,18 @@ std::vector<std::string> run_lines(const json& run, std::size_t width) {
         std::pair{"lost_in_restarts", "lost in restarts"}, std::pair{"lost_on_the_way", "lost on the way"}})
     if (whole(account, key) > 0)
       decisions += fmt::format(", {} {}", static_cast<int64_t>(whole(account, key)), words);
-  lines.push_back(decisions + ", " + count(account, "waiting") + " on their way");
+  if (!account.empty()) lines.push_back(decisions + ", " + count(account, "waiting") + " on their way");
   const json& checkpoint = part(run, "checkpoint");
   std::string saved =
       "  checkpoint: " + (text(checkpoint, "path").empty() ? "none yet" : text(checkpoint, "path"));
   if (const double failed = whole(checkpoint, "failed"); failed > 0)
     saved += formatted(", %.0f could not be written", failed);
   lines.push_back(saved);
+  if (const json& episodes = part(run, "last_episodes"); !episodes.empty()) {
+    const json& last = episodes.back();
+    lines.push_back("  episodes: " + count(run, "episodes_heard") + " heard, the last with J " +
+                    score_text(whole(last, "J")) + formatted(" in %.0f tics", whole(last, "length_tics")));
+  }
   if (const std::string silence = text(run, "silence"); !silence.empty()) lines.push_back("  " + silence);
   for (std::string& line : lines) line = fitted(line, width);
   return lines;
@@ -152,7 +159,8 @@ std::vector<std::string> host_table(const json& run, std::size_t width) {
   for (const json& host : part(run, "hosts")) {
     const double rate = whole(host, "decisions_per_s");
     rows.push_back({text(host, "host"), count(host, "workers"), formatted("%.0f", rate),
-                    formatted("%.0f", rate * frames_each), count(host, "credits"), count(host, "restarts")});
+                    formatted("%.0f", rate * frames_each),
+                    host.contains("credits") ? count(host, "credits") : "-", count(host, "restarts")});
   }
   return table_lines(columns, rows, width);
 }

@@ -1,4 +1,4 @@
-// `comrad top`: the runs of this host that are alive, looked at again and again.
+// `comrad top`: the runs of this host that are alive, or one of another host, looked at again and again.
 
 #include <spdlog/fmt/fmt.h>
 
@@ -10,8 +10,10 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
+#include <optional>
 
 #include "deploy/run/command.h"
+#include "deploy/run/remote_run.h"
 #include "deploy/run/run_client.h"
 #include "deploy/run/run_table.h"
 #include "deploy/settings/command_line.h"
@@ -30,6 +32,7 @@ struct TopRequest {
   std::string train_dir = RunSettings().train_dir;
   double interval_s = 1;
   bool once = false, as_json = false;
+  RemoteRequest remote;  ///< without an address: runs of this host
 };
 
 volatile std::sig_atomic_t has_ended = 0;
@@ -119,6 +122,10 @@ std::vector<std::string> lines_of(const json& runs, const TopRequest& request, c
 }
 
 Expected<int> watch(const TopRequest& request) {
+  const bool is_remote = !request.remote.address.empty();
+  if (is_remote && !request.runs.empty())
+    return Error{ErrorCode::kBadInput,
+                 "--remote looks at one run of another host; leave " + request.runs[0] + " out, or --remote"};
   if (!(request.interval_s >= 0.1 && request.interval_s <= 3600))
     return Error{ErrorCode::kBadInput, "--interval must be 0.1 to 3600 s"};
   const bool is_terminal = isatty(STDOUT_FILENO) != 0;
@@ -127,9 +134,18 @@ Expected<int> watch(const TopRequest& request) {
   const sigset_t heard = heard_of({SIGINT, SIGTERM, SIGHUP});
   for (const int number : {SIGINT, SIGTERM, SIGHUP})
     if (sigismember(&heard, number) == 1) sigaction(number, &on_end, nullptr);
+  std::optional<RemoteRun> remote;
+  if (is_remote) {
+    COMRAD_TRY_ASSIGN(remote, RemoteRun::open(request.remote));
+  }
   const Keyboard keyboard;
   while (has_ended == 0) {
-    COMRAD_TRY_ASSIGN(const json runs, look(request));
+    json runs;
+    if (remote) {
+      runs = json::array({remote->look()});
+    } else {
+      COMRAD_TRY_ASSIGN(runs, look(request));
+    }
     std::string page;
     if (request.as_json) {
       page = json{{"runs", runs}}.dump() + "\n";
@@ -143,7 +159,7 @@ Expected<int> watch(const TopRequest& request) {
       if (redraws) page += "\x1b[J";
     }
     COMRAD_TRY(write_all(STDOUT_FILENO, page, "standard output"));
-    if (request.once || keyboard.wait(request.interval_s)) break;
+    if (request.once || (remote && remote->has_ended()) || keyboard.wait(request.interval_s)) break;
   }
   return kExitDone;
 }
@@ -153,13 +169,25 @@ Expected<int> watch(const TopRequest& request) {
 int top_command(Arguments arguments) {
   TopRequest request;
   CommandLine line(
-      "top [RUN...] [--once] [--json]",
+      "top [RUN... | --remote ADDRESS] [--once] [--json]",
       "Shows the runs of this host that are alive and your own: rates, lag, queues, credits, restarts, "
       "hosts, workers; q or\n"
-      "Ctrl-C ends it. Without RUN all runs below --train_dir. --json: one object a look on one line.");
+      "Ctrl-C ends it. Without RUN all runs below --train_dir. --json: one object a look on one line.\n"
+      "--remote: a run of another host that was started with --publish and prints this ADDRESS; ends with "
+      "the run.");
   line.add_words("RUN", request.runs, "run directories, or experiments below --train_dir");
   line.add_option("train_dir", request.train_dir, "DIR", "folder that holds the runs (default train_dir)");
   line.add_option("interval", request.interval_s, "SECONDS", "between two looks (default 1)");
+  line.add_option("remote", request.remote.address, "ADDRESS", "a run of another host, which publishes");
+  line.add_option("keys", request.remote.key_folder, "FOLDER",
+                  "remote: this host's keys, which `comrad keys` made, for a network");
+  std::string interface;
+  line.add_option("interface", interface, "NAME",
+                  "remote: network interface; default: the one that leads there");
+  line.add_switch("insecure_network", request.remote.hosts.insecure_network,
+                  "remote: look over a network without keys");
+  line.add_option("wait_s", request.remote.wait_s, "SECONDS",
+                  "remote: how long to wait for the run's first report (default 10)");
   line.add_switch("once", request.once, "look once");
   line.add_switch("json", request.as_json, "print JSON");
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("top", parsed.error());
@@ -167,6 +195,7 @@ int top_command(Arguments arguments) {
     std::fputs(line.help().c_str(), stdout);
     return kExitDone;
   }
+  if (!interface.empty()) request.remote.hosts.interface = interface;
   const Expected<int> done = watch(request);
   return done ? *done : report_error("top", done.error());
 }

@@ -62,7 +62,7 @@ struct StartPlan {
   bool resumes = false;  ///< and a checkpoint
   SettingsLayer before;  ///< that config.toml; empty unless the run resumes
   std::string iwad;
-  std::string keys;         ///< folder of the keys of a run that serves
+  std::string keys;         ///< folder of the keys of a run that serves or publishes
   std::string layout_list;  ///< of the run's pool, once it is there
   StartCheck start;
 
@@ -214,7 +214,7 @@ Expected<int> launch(const StartPlan& start, const RunDirectory& directory) {
   const RunConfig& config = start.merged.config;
   const std::string run_dir = directory.path();
   LaunchPlan plan;
-  if (config.hosts.serve) {
+  if (config.hosts.serve || config.hosts.publish) {
     COMRAD_TRY(link::keep_keys(run_dir, start.keys));
     COMRAD_TRY_ASSIGN(plan.join_address, open_join_endpoint(run_dir, config, start.iwad));
     std::fprintf(stderr, "%s\n", join_note(plan.join_address, config).c_str());
@@ -260,7 +260,7 @@ int train_command(Arguments arguments) {
                   "start even where the run would end before the replay is filled and learning begins");
   std::string key_folder;
   line.add_option("keys", key_folder, "FOLDER",
-                  "with --serve: the run's keys, which `comrad keys` made, for a network");
+                  "with --serve or --publish: the run's keys, which `comrad keys` made, for a network");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("train", parsed.error());
   if (line.help_requested()) return print_settings_help("train", line);

@@ -31,7 +31,8 @@ CheckResult check_memory();
 CheckResult check_disk();
 /// /proc/sys and resource limits that runs have met: open files, receive buffers, overcommit, memfd.
 std::vector<CheckResult> check_limits();
-/// Two participants of one made-up run pass a message over the loopback interface.
+/// Two participants of one made-up link pass a message over the loopback interface. Never kFail: runs of one host do
+/// without.
 CheckResult check_dds();
 /// A simulator renders for a second.
 CheckResult check_rendering();

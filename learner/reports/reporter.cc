@@ -7,7 +7,6 @@
 
 #include "learner/algorithms/q_learning.h"
 #include "rollout_buffer/core/clock.h"
-#include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/metrics/learner_messages.h"
 #include "rollout_buffer/shm/episode_stream.h"
@@ -39,26 +38,6 @@ Status Reporter::open(const std::string& run_dir, const Algorithm& algorithm, co
   return {};
 }
 
-void Reporter::set_state(const char* state) {
-  state_ = state;
-  if (bus_ == nullptr) return;
-  static const std::string host = host_name();
-  const Status written = bus_->write(dds::WorkerStatus{.worker_id = "learner",
-                                                       .host = host,
-                                                       .pid = getpid(),
-                                                       .role = "learner",
-                                                       .state = state_,
-                                                       .decisions_per_s = rates_.decisions_per_s(),
-                                                       .message = last_warning_});
-  if (!written) spdlog::warn("worker status: {}", written.error().message);
-}
-
-void Reporter::weights_published(const dds::WeightsUpdate& update) {
-  if (bus_ == nullptr) return;
-  if (const Status written = bus_->write(update); !written)
-    spdlog::warn("weights notice: {}", written.error().message);
-}
-
 void Reporter::updated(const UpdateStats& stats) {
   update_ = stats;
   skipped_steps_ += static_cast<uint64_t>(stats.skipped_steps);
@@ -73,7 +52,6 @@ void Reporter::report_if_due() {
   const double now_s = monotonic_s();
   if (now_s - last_stats_s_ >= kStatsIntervalS) {
     last_stats_s_ = now_s;
-    set_state(state_.c_str());
     publish_stats();
   }
   if (last_metrics_s_ == 0) last_metrics_s_ = now_s;
@@ -87,7 +65,7 @@ void Reporter::report_now() {
 
 void Reporter::publish_stats() {
   if (algorithm_ == nullptr) return;
-  shm::LearnerReport report;
+  TrainStats report;
   report.time_s = totals_.train_seconds();
   report.env_frames = totals_.env_frames;
   report.decisions = totals_.decisions;
@@ -100,7 +78,7 @@ void Reporter::publish_stats() {
   report.policy_lag_mean = lag_.mean;
   report.policy_lag_max = static_cast<uint32_t>(lag_.max);
   if (const ReplayFeed* feed = source_->feed()) report.replay_filled = feed->filled();
-  last_checkpoint_.copy(report.last_checkpoint, shm::kCheckpointPathBytes - 1);
+  last_checkpoint_.copy(report.last_checkpoint, kCheckpointPathBytes - 1);
   arena_.learner_reports().publish(report);
 }
 
@@ -188,11 +166,7 @@ void Reporter::write_metrics() {
 }
 
 void Reporter::warn(const std::vector<std::string>& findings) {
-  for (const std::string& finding : findings) {
-    const UserMessage warning = {UserMessage::Kind::kWarning, finding};
-    last_warning_ = warning.words();
-    tell_user(warning);
-  }
+  for (const std::string& finding : findings) tell_user({UserMessage::Kind::kWarning, finding});
 }
 
 }  // namespace comrad::learn

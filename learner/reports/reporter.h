@@ -1,5 +1,5 @@
-// What the learner publishes: its state and warnings on the bus, its report in the arena once a second, and
-// metrics.jsonl with TensorBoard scalars. Stage: beside update.
+// What the learner publishes: its report in the arena once a second, metrics.jsonl with TensorBoard scalars, and
+// warnings for the user. Stage: beside update.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,6 @@
 #include "learner/sources/batch_source.h"
 #include "learner/sources/layout_service.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -23,28 +22,18 @@ namespace comrad::learn {
 /// Threads: the learner's.
 class Reporter {
  public:
-  /// `bus` may be null; what the references name outlives the reporter.
-  Reporter(const RunConfig& config, const RunTotals& totals, const shm::Arena& arena, dds::Bus* bus)
-      : config_(config),
-        totals_(totals),
-        arena_(arena),
-        bus_(bus),
-        episodes_(config.run.stats_avg),
-        check_(config) {}
+  /// What the references name outlives the reporter.
+  Reporter(const RunConfig& config, const RunTotals& totals, const shm::Arena& arena)
+      : config_(config), totals_(totals), arena_(arena), episodes_(config.run.stats_avg), check_(config) {}
 
   /// What reports are about, once it is there: the algorithm, its batches, its layouts (null: one map). Opens the
-  /// files of `run_dir`. Without this, as for a learner that only serves, only the state is published.
+  /// files of `run_dir`. Without this, as for a learner that only serves, nothing is published.
   /// Errors: those of MetricsWriter::open.
   Status open(const std::string& run_dir, const Algorithm& algorithm, const BatchSource& source,
               LayoutService* layouts);
 
-  /// "starting", "running", "paused", "stopping" or "failed", now and in every report.
-  void set_state(const char* state);
-  const std::string& state() const { return state_; }
   /// Warns of what the settings alone show.
   void judge_settings() { warn(check_.judge_settings()); }
-  /// New weights lie in the arena.
-  void weights_published(const dds::WeightsUpdate& update);
 
   /// The totals have grown.
   void counted() { rates_.add(monotonic_s(), totals_.env_frames, totals_.decisions); }
@@ -57,7 +46,7 @@ class Reporter {
   EpisodeWindow& episodes() { return episodes_; }
   const EpisodeWindow& episodes() const { return episodes_; }
 
-  /// Reports where it is time: state and arena every second, metrics at experiment_summaries_interval.
+  /// Reports where it is time: the arena every second, metrics at experiment_summaries_interval.
   void report_if_due();
   /// The last report of a run.
   void report_now();
@@ -74,7 +63,6 @@ class Reporter {
   const RunConfig& config_;
   const RunTotals& totals_;
   const shm::Arena& arena_;
-  dds::Bus* bus_;
   const Algorithm* algorithm_ = nullptr;
   const BatchSource* source_ = nullptr;
   LayoutService* layouts_ = nullptr;
@@ -85,8 +73,6 @@ class Reporter {
   UpdateStats update_;
   LagStats lag_;  // of the newest data
   uint64_t skipped_steps_ = 0;
-  std::string state_ = "starting";
-  std::string last_warning_;  // goes into the worker status
   std::string last_checkpoint_;
   double last_stats_s_ = 0, last_metrics_s_ = 0;
   double last_played_s_ = 0;

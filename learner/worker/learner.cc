@@ -14,7 +14,6 @@
 #include "policy_workers/device/choose_device.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/network/actor_critic.h"
-#include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
@@ -34,21 +33,19 @@ constexpr double kAbandonRolloutAfterS = 7.5;
 }  // namespace
 
 Learner::Learner(const LearnerOptions& options, const RunConfig& config, shm::Arena arena,
-                 std::optional<dds::Bus> bus, const std::atomic<bool>& stop)
+                 const std::atomic<bool>& stop)
     : options_(options),
       config_(config),
       lock_step_(config.collection.deterministic || !config.collection.async_rl),
       ranks_(options.ranks != nullptr ? *options.ranks : alone_),
       arena_(std::move(arena)),
-      bus_(std::move(bus)),
       stop_(stop, arena_),
-      reporter_(config_, totals_, arena_, bus_ ? &*bus_ : nullptr),
+      reporter_(config_, totals_, arena_),
       checkpoints_(config_, options_.run_dir, totals_, reporter_.episodes()) {}
 
 Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options, const RunConfig& config,
-                                                  shm::Arena arena, std::optional<dds::Bus> bus,
-                                                  const std::atomic<bool>& stop) {
-  std::unique_ptr<Learner> learner(new Learner(options, config, std::move(arena), std::move(bus), stop));
+                                                  shm::Arena arena, const std::atomic<bool>& stop) {
+  std::unique_ptr<Learner> learner(new Learner(options, config, std::move(arena), stop));
   COMRAD_TRY(learner->open());
   return learner;
 }
@@ -56,7 +53,6 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
 Status Learner::open() {
   shm::WorkerCounters& counters = arena_.learner_counters();
   counters.begin_life();
-  reporter_.set_state("starting");
   COMRAD_TRY(check_arena());
   COMRAD_TRY(make_network());
   if (!options_.serve) {
@@ -85,7 +81,6 @@ Status Learner::open() {
   control.rollouts_allowed = source_ ? source_->rollouts_allowed() : kUnlimited;
   shm::ring(control.slab_released);
   counters.state = shm::WorkerState::kRunning;
-  reporter_.set_state("running");
   spdlog::info("learner: {} with {} parameters, version {}, {} env frames so far", config_.run.algo.name(),
                algorithm_->parameter_count(), algorithm_->version(), totals_.env_frames);
   if (!options_.serve) reporter_.judge_settings();
@@ -196,7 +191,6 @@ Status Learner::run() {
   Status result = options_.serve ? serve() : train();
   weights_->finish();
   const bool has_failed = !result;
-  reporter_.set_state(has_failed ? "failed" : "stopping");
   if (source_) {
     source_->stop();
     if (!has_failed && is_finished()) arena_.control().goal_reached = 1;
@@ -331,8 +325,6 @@ UpdateContext Learner::update_context() {
 
 void Learner::publish(std::span<const std::byte> weights, PolicyVersion version) {
   arena_.weights().publish(weights, version);
-  reporter_.weights_published(
-      {.version = version, .bytes = weights.size(), .checksum = bus_ ? checksum64(weights) : 0});
   count_copied(2 * weights.size());  // out of the network and into the arena
 }
 
@@ -372,14 +364,12 @@ bool Learner::wait_while_paused() {
     const double now_s = monotonic_s();
     totals_.started_s += now_s - std::exchange(seen_s, now_s);
     if (stop_.requested()) return false;
-    if (reporter_.state() != "paused") reporter_.set_state("paused");
     shm::Doorbell& changed = arena_.control().run_state_changed;
     const uint32_t heard = shm::listen(changed);
     shm::wait(changed, heard, 50'000);
     poll();
     save_if_due();  // the state is that of the last boundary
   }
-  if (reporter_.state() == "paused") reporter_.set_state("running");
   return true;
 }
 

@@ -24,7 +24,6 @@
 #include "learner/worker/checkpoint_keeper.h"
 #include "learner/worker/weights_publisher.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -48,8 +47,7 @@ class Learner {
   /// permission. `stop` is raised by a signal handler. Errors: kBadInput (settings, arena of another shape),
   /// kBadFormat (checkpoint), kUnsupported (device), kSystem.
   static Expected<std::unique_ptr<Learner>> start(const LearnerOptions& options, const RunConfig& config,
-                                                  shm::Arena arena, std::optional<dds::Bus> bus,
-                                                  const std::atomic<bool>& stop);
+                                                  shm::Arena arena, const std::atomic<bool>& stop);
 
   /// Trains (or serves) until the run's end or a stop; saves the last checkpoint.
   /// Errors: kBadInput when training diverged, kNotSaved when the last checkpoint could not be written.
@@ -60,7 +58,7 @@ class Learner {
 
  private:
   Learner(const LearnerOptions& options, const RunConfig& config, shm::Arena arena,
-          std::optional<dds::Bus> bus, const std::atomic<bool>& stop);
+          const std::atomic<bool>& stop);
 
   // Start.
   Status open();
@@ -99,7 +97,6 @@ class Learner {
   RankGroup alone_;
   RankGroup& ranks_;
   shm::Arena arena_;
-  std::optional<dds::Bus> bus_;
   StopSignal stop_;
   RunTotals totals_;
   Reporter reporter_;

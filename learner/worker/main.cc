@@ -13,7 +13,6 @@
 #include "learner/worker/seat_server.h"
 #include "policy_workers/device/cpu_tuning.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/worker_shell.h"
 
@@ -54,9 +53,8 @@ Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, le
     return follower->run();
   }
   options.ranks = ranks.get();
-  COMRAD_TRY_ASSIGN(dds::Bus bus, dds::Bus::open(dds::bus_config_for_run(arena.run_id())));
   COMRAD_TRY_ASSIGN(const std::unique_ptr<learn::Learner> learner,
-                    learn::Learner::start(options, config, std::move(arena), std::move(bus), shell.stop()));
+                    learn::Learner::start(options, config, std::move(arena), shell.stop()));
   const Status result = learner->run();
   processes.stop();  // before their connections to this one close
   return result;

@@ -15,9 +15,4 @@ Expected<bool> WeightsReceiver::refresh(const std::function<Status(std::span<con
   return true;
 }
 
-uint32_t WeightsReceiver::behind() const {
-  const PolicyVersion newest = arena_->control().policy_version.load(std::memory_order_acquire);
-  return version_ && newest > *version_ ? newest - *version_ : 0;
-}
-
 }  // namespace comrad::policy

@@ -30,8 +30,6 @@ class WeightsReceiver {
 
   /// Version in the network; nothing before the first refresh.
   std::optional<PolicyVersion> version() const { return version_; }
-  /// By how many steps the newest published version is ahead of the one in the network.
-  uint32_t behind() const;
 
  private:
   const shm::Arena* arena_;

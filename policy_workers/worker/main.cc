@@ -11,7 +11,6 @@
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
@@ -102,11 +101,8 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config, policy::Poli
   options.worker_index = shell.worker_index();
   if (plays_seats) options.seats_of = shell.run_dir();
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
-  Expected<dds::Bus> bus = dds::Bus::open(dds::bus_config_for_run(arena.run_id()));
-  if (!bus) spdlog::warn("this worker will not report its status: {}", bus.error().message);
   device::tune_math(static_cast<int>(config.collection.policy_threads));
-  COMRAD_TRY_ASSIGN(policy::PolicyWorker worker,
-                    policy::PolicyWorker::create(config, arena, options, bus ? &bus.value() : nullptr));
+  COMRAD_TRY_ASSIGN(policy::PolicyWorker worker, policy::PolicyWorker::create(config, arena, options));
   spdlog::info("serves {} environments, batches of {} to {}{}", worker.batcher().env_count(),
                worker.batcher().min_batch(), worker.batcher().max_batch(),
                options.is_random ? ", random actions" : "");

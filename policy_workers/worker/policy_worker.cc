@@ -2,8 +2,6 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -11,7 +9,6 @@
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
-#include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/resolve.h"
@@ -23,7 +20,6 @@ namespace comrad::policy {
 namespace {
 
 constexpr int64_t kGatherTimeoutUs = 50'000;  // how often an idle worker looks at its stop flag
-constexpr int64_t kReportNs = 1'000'000'000;
 
 /// How many of a GPU host's cores copy frames side by side: the policy workers share a quarter of them.
 int packing_threads(const shm::ArenaShape& shape) {
@@ -33,7 +29,7 @@ int packing_threads(const shm::ArenaShape& shape) {
 }  // namespace
 
 Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::Arena& arena,
-                                            const PolicyWorkerOptions& options, dds::Bus* bus) {
+                                            const PolicyWorkerOptions& options) {
   const TrajectoryShape& shape = arena.shape().trajectory;
   COMRAD_TRY_ASSIGN(
       Batcher batcher,
@@ -77,19 +73,17 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                                "run must read the same config.toml",
                                policy.weights_bytes(), arena.shape().weights_bytes)};
   }
-  return PolicyWorker(arena, options, bus, std::move(policy), std::move(seats), std::move(batcher));
+  return PolicyWorker(arena, options, std::move(policy), std::move(seats), std::move(batcher));
 }
 
-PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus,
-                           ActorCritic policy, std::optional<SeatNetworks> seats, Batcher batcher)
+PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, ActorCritic policy,
+                           std::optional<SeatNetworks> seats, Batcher batcher)
     : arena_(&arena),
       options_(options),
-      bus_(bus),
       policy_(std::move(policy)),
       seats_(std::move(seats)),
       batcher_(std::move(batcher)),
-      weights_(arena),
-      host_(host_name()) {
+      weights_(arena) {
   if (!seats_ && !options.is_random && (options.is_staged || !policy_.device().is_cpu()))
     staged_ = std::make_unique<StagedForward>(policy_, arena.shape(), packing_threads(arena.shape()));
 }
@@ -97,7 +91,6 @@ PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& o
 Status PolicyWorker::run(const std::atomic<bool>& stop) {
   shm::WorkerCounters& counters = arena_->policy_counters(options_.worker_index);
   counters.begin_life();
-  report("starting");
   if (const int orphans = batcher_.adopt_orphans(); orphans > 0)
     spdlog::warn("{} requests of this worker's predecessor are answered again", orphans);
 
@@ -126,10 +119,8 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
       count_batch(batch, monotonic_ns() - began_ns);
     }
     counters.state.store(shm::WorkerState::kRunning, std::memory_order_relaxed);
-    if (monotonic_ns() - reported_ns_ >= kReportNs) report("running");
   }
   counters.state.store(shm::WorkerState::kStopped);
-  report("stopping");
   return {};
 }
 
@@ -165,35 +156,6 @@ void PolicyWorker::count_batch(const Batch& batch, int64_t busy_ns) {
   counters.batches.fetch_add(1, std::memory_order_relaxed);
   counters.busy_ns.fetch_add(static_cast<uint64_t>(busy_ns), std::memory_order_relaxed);
   counters.wait_ns.store(batcher_.wait_ns(), std::memory_order_relaxed);
-}
-
-void PolicyWorker::report(const char* state) {
-  const shm::WorkerCounters& counters = arena_->policy_counters(options_.worker_index);
-  const uint64_t rows = counters.decisions.load(std::memory_order_relaxed);
-  const uint64_t batches = counters.batches.load(std::memory_order_relaxed);
-  const int64_t now_ns = monotonic_ns();
-  const double seconds = static_cast<double>(now_ns - reported_ns_) * 1e-9;
-  const double rows_per_s = reported_ns_ == 0 ? 0.0 : static_cast<double>(rows - reported_rows_) / seconds;
-  const double batch_rows =
-      batches == reported_batches_
-          ? 0.0
-          : static_cast<double>(rows - reported_rows_) / static_cast<double>(batches - reported_batches_);
-  reported_ns_ = now_ns;
-  reported_rows_ = rows;
-  reported_batches_ = batches;
-  if (bus_ == nullptr) return;
-  const bool is_paused =
-      arena_->control().run_state.load(std::memory_order_acquire) == shm::RunState::kPaused;
-  dds::WorkerStatus status{
-      .worker_id = fmt::format("policy-{}", options_.worker_index),
-      .host = host_,
-      .pid = getpid(),
-      .role = "policy",
-      .state = is_paused ? "paused" : state,
-      .decisions_per_s = rows_per_s,
-      .message = fmt::format("batch {:.1f} rows, weights {} behind", batch_rows, weights_.behind())};
-  if (const Status written = bus_->write(status); !written)
-    spdlog::warn("status: {}", written.error().message);
 }
 
 namespace {

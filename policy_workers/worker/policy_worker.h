@@ -1,5 +1,5 @@
-// A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers; tell the run
-// how it is doing once a second. One process, one network, its own thread beside the bus's.
+// A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers. One process, one network,
+// its own thread.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,6 @@
 #include "policy_workers/weights/weights_receiver.h"
 #include "policy_workers/worker/seat_networks.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -36,10 +35,9 @@ struct PolicyWorkerOptions {
 /// Joined to one run.
 class PolicyWorker {
  public:
-  /// `bus` may be absent: the arena alone is enough to work, but without reports.
   /// Errors: kBadInput for a worker index, device or network that does not fit the run.
   static Expected<PolicyWorker> create(const RunConfig& config, const shm::Arena& arena,
-                                       const PolicyWorkerOptions& options, dds::Bus* bus);
+                                       const PolicyWorkerOptions& options);
 
   /// Works until `stop`, or RunState::kStopping. Errors: kBadFormat when the learner's weights never fit.
   Status run(const std::atomic<bool>& stop);
@@ -48,25 +46,20 @@ class PolicyWorker {
   Batcher& batcher() { return batcher_; }
 
  private:
-  PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus, ActorCritic policy,
+  PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, ActorCritic policy,
                std::optional<SeatNetworks> seats, Batcher batcher);
   bool needs_weights() const { return seats_ ? seats_->needs_weights() : !options_.is_random; }
   Status refresh();
   Expected<PolicyOutput> answer(const Batch& batch);
   void count_batch(const Batch& batch, int64_t busy_ns);
-  void report(const char* state);
 
   const shm::Arena* arena_;
   PolicyWorkerOptions options_;
-  dds::Bus* bus_;
   ActorCritic policy_;  // empty when is_random, and where seats play
   std::optional<SeatNetworks> seats_;
   std::unique_ptr<StagedForward> staged_;  // null on a CPU
   Batcher batcher_;
   WeightsReceiver weights_;
-  std::string host_;
-  int64_t reported_ns_ = 0;
-  uint64_t reported_rows_ = 0, reported_batches_ = 0;
 };
 
 /// Throughput of the network alone on random frames.

@@ -1,5 +1,5 @@
-// Where participants meet: the interface, the ports, the first peers, and Cyclone's configuration made of these. A
-// run's own bus stays on loopback; the link between hosts (link_bus.h) may be put on a network.
+// Where participants meet: the interface, the ports, the first peers, and Cyclone's configuration made of these. All stays
+// on loopback unless an interface is named.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ struct BusConfig {
   bool allows_insecure_network = false;
 };
 
-/// The configuration of a run's bus, the same for all that know its id: the partition and the discovery tag are the run
+/// The configuration of a run's link, the same for all that know its id: the partition and the discovery tag are the run
 /// id as 16 hex digits, the domain (1..100, so that all ports lie below the ephemeral range) is drawn from it.
 /// Participants of two runs that draw the same domain still never see each other, because their tags differ.
 BusConfig bus_config_for_run(uint64_t run_id);

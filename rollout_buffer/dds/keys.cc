@@ -17,6 +17,7 @@
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/dds/key_files.h"
+#include "rollout_buffer/dds/monitor_bus.h"
 #include "rollout_buffer/dds/openssl_handles.h"
 
 namespace comrad::dds {
@@ -194,7 +195,9 @@ std::string time_text(time_t at_s) {
 
 std::string permissions(const std::string& subject, KeyRole role, const Period& period) {
   std::string publish, subscribe;
-  for (const LinkTopic& topic : link_topics()) {
+  std::vector<LinkTopic> topics = link_topics();
+  topics.insert(topics.end(), monitor_topics().begin(), monitor_topics().end());
+  for (const LinkTopic& topic : topics) {
     const std::string line = std::string("<topic>") + topic.name + "</topic>";
     const bool is_ours = role == KeyRole::kRun ? topic.is_written_by_run : topic.is_written_by_hosts;
     const bool is_theirs = role == KeyRole::kRun ? topic.is_written_by_hosts : topic.is_written_by_run;
@@ -202,7 +205,8 @@ std::string permissions(const std::string& subject, KeyRole role, const Period& 
     if (is_theirs) subscribe += line;
   }
   const std::string partitions =
-      "<partitions><partition>comrad-link-*</partition><partition>comrad-door-*</partition></partitions>";
+      "<partitions><partition>comrad-link-*</partition><partition>comrad-door-*</partition>"
+      "<partition>comrad-monitor-*</partition></partitions>";
   return std::string(kDocumentHead) +
          R"("http://www.omg.org/spec/DDS-SECURITY/20170901/omg_shared_ca_permissions.xsd">
 <permissions><grant name="link">

@@ -12,11 +12,11 @@
 #include <cerrno>
 #include <cstdlib>
 #include <map>
+#include <mutex>
 
 namespace comrad::dds {
 namespace {
 
-constexpr dds_duration_t kLiveliness = DDS_SECS(2);
 constexpr dds_duration_t kMaxBlocking = DDS_MSECS(100);  // of a write whose readers do not keep up
 
 std::string what_to_check(const BusConfig& config) {
@@ -149,10 +149,26 @@ dds_qos_t* make_qos(const TopicTraits& traits) {
     dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, traits.history, DDS_LENGTH_UNLIMITED,
                                 DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   }
-  if (traits.has_liveliness) dds_qset_liveliness(qos, DDS_LIVELINESS_AUTOMATIC, kLiveliness);
-  // A goodbye is an explicit dispose; a writer that just vanishes leaves "no writers" behind.
   dds_qset_writer_data_lifecycle(qos, /*autodispose=*/false);
   return qos;
+}
+
+std::vector<std::string> partitions_in(dds_entity_t participant, dds_entity_t topic) {
+  std::vector<std::string> found;
+  const dds_entity_t reader = dds_create_reader(participant, topic, nullptr, nullptr);
+  take_all(reader, [&](const void* sample, const dds_sample_info_t& info) {
+    const auto& end = *static_cast<const dds_builtintopic_endpoint_t*>(sample);
+    uint32_t count = 0;
+    char** names = nullptr;
+    if (info.instance_state != DDS_IST_ALIVE || !info.valid_data || end.qos == nullptr ||
+        !dds_qget_partition(end.qos, &count, &names))
+      return;
+    if (count > 0) found.emplace_back(names[0]);
+    for (uint32_t i = 0; i < count; ++i) dds_free(names[i]);
+    dds_free(names);
+  });
+  if (reader > 0) dds_delete(reader);
+  return found;
 }
 
 }  // namespace
@@ -216,7 +232,6 @@ Expected<dds_entity_t> Participant::topic_of(int index) {
 }
 
 Expected<dds_entity_t> Participant::writer_of(int index) {
-  const std::lock_guard lock(mutex_);
   Entities& entities = entities_[static_cast<std::size_t>(index)];
   if (entities.writer > 0) return entities.writer;
   COMRAD_TRY_ASSIGN(const dds_entity_t about, topic_of(index));
@@ -259,9 +274,11 @@ bool Participant::is_acknowledged(int topic) const {
   return writer <= 0 || dds_wait_for_acks(writer, 0) == DDS_RETCODE_OK;
 }
 
-void Participant::dispose(int topic, const void* key) {
-  const dds_entity_t writer = entities_[static_cast<std::size_t>(topic)].writer;
-  if (writer > 0) dds_dispose(writer, key);
+std::vector<std::string> Participant::partitions_of_writers() const {
+  return partitions_in(participant_, DDS_BUILTIN_TOPIC_DCPSPUBLICATION);
+}
+std::vector<std::string> Participant::partitions_of_readers() const {
+  return partitions_in(participant_, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION);
 }
 
 bool Participant::wait(int timeout_ms) {

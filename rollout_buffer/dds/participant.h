@@ -1,5 +1,5 @@
-// One Cyclone DDS participant with its topics, writers, readers and wait set: what the run's bus and the link between
-// hosts have in common. Cyclone's header stays in the sources of this folder.
+// One Cyclone DDS participant with its topics, writers, readers and wait set: what the link between hosts and its monitors
+// have in common. Cyclone's header stays in the sources of this folder.
 #pragma once
 
 #include <dds/dds.h>
@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cstring>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,14 +23,26 @@ struct TopicTraits {
   const dds_topic_descriptor_t* type;
   bool is_kept_for_late_joiners = false;  ///< transient-local
   int history = 1;                        ///< keep-last; 0: every sample counts
-  bool has_liveliness = false;
   int sample_limit = 0;      ///< of a reader or writer that keeps all; what comes beyond waits at the writer
   bool is_separate = false;  ///< it has the second partition of the participant
 };
 
 class Strangers;
 
-/// Writers and readers are made on first use. Threads: write() from any; the rest as its owner guards it with mutex().
+/// Calls `visit(sample, info)` for all that lies ready at a reader, oldest first.
+template <typename Visitor>
+void take_all(dds_entity_t reader, Visitor visit) {
+  constexpr int kAtOnce = 32;
+  for (int taken = kAtOnce; reader > 0 && taken == kAtOnce;) {
+    void* samples[kAtOnce] = {};
+    dds_sample_info_t infos[kAtOnce];
+    taken = dds_take(reader, samples, infos, kAtOnce, kAtOnce);
+    for (int i = 0; i < taken; ++i) visit(samples[i], infos[i]);
+    if (taken > 0) dds_return_loan(reader, samples, taken);
+  }
+}
+
+/// Writers and readers are made on first use. Threads: one.
 class Participant {
  public:
   /// Errors: those of validate(), kBadInput where another run uses the domain in this process, kSystem with Cyclone's
@@ -44,8 +55,6 @@ class Participant {
   Participant& operator=(const Participant&) = delete;
   ~Participant();
 
-  std::mutex& mutex() { return mutex_; }
-
   /// Errors: kTimeout where a reader does not keep up (nothing was written); kSystem.
   template <typename Wire>
   Status write(int topic, const Wire& sample) {
@@ -53,11 +62,11 @@ class Participant {
   }
   /// Whether every reader has all that was written. Does not wait.
   bool is_acknowledged(int topic) const;
-  /// Reports to readers that the instance of this key is gone.
-  void dispose(int topic, const void* key);
+  /// The first partition of each writer or reader of any participant, as discovery reports them.
+  std::vector<std::string> partitions_of_writers() const;
+  std::vector<std::string> partitions_of_readers() const;
 
-  /// Calls `visit(sample, info)` for all that lies ready, oldest first. The caller holds mutex(), where several threads
-  /// use the participant.
+  /// Calls `visit(sample, info)` for all that lies ready, oldest first.
   template <typename Wire, typename Visitor>
   void take(int topic, Visitor visit) {
     Expected<dds_entity_t> from = reader_of(topic);
@@ -65,14 +74,9 @@ class Participant {
       spdlog::warn("{}", from.error().message);
       return;
     }
-    constexpr int kAtOnce = 32;
-    for (int taken = kAtOnce; taken == kAtOnce;) {
-      void* samples[kAtOnce] = {};
-      dds_sample_info_t infos[kAtOnce];
-      taken = dds_take(*from, samples, infos, kAtOnce, kAtOnce);
-      for (int i = 0; i < taken; ++i) visit(*static_cast<const Wire*>(samples[i]), infos[i]);
-      if (taken > 0) dds_return_loan(*from, samples, taken);
-    }
+    take_all(*from, [&](const void* sample, const dds_sample_info_t& info) {
+      visit(*static_cast<const Wire*>(sample), info);
+    });
   }
 
   /// Blocks until something lies ready on any reader made so far, or `timeout_ms`. True if something does.
@@ -95,7 +99,6 @@ class Participant {
   bool is_in_domain_ = false;
   dds_entity_t participant_ = 0, waitset_ = 0;
   dds_entity_t publisher_[2] = {}, subscriber_[2] = {};  // of the partition, and of the separate one
-  std::mutex mutex_;                                     // guards what follows; Cyclone guards its own
   std::vector<Entities> entities_;
   std::unique_ptr<Strangers> strangers_;  // where there are keys
 };

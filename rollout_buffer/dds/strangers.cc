@@ -2,6 +2,7 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/dds/participant.h"
 
 namespace comrad::dds {
 namespace {
@@ -48,23 +49,11 @@ Strangers::Strangers(dds_entity_t participant)
   if (dds_get_guid(participant, &guid) == DDS_RETCODE_OK) own_ = key_of(guid);
 }
 
-template <typename Visitor>
-void Strangers::take(dds_entity_t reader, Visitor visit) {
-  constexpr int kAtOnce = 32;
-  for (int taken = kAtOnce; reader > 0 && taken == kAtOnce;) {
-    void* samples[kAtOnce] = {};
-    dds_sample_info_t infos[kAtOnce];
-    taken = dds_take(reader, samples, infos, kAtOnce, kAtOnce);
-    for (int i = 0; i < taken; ++i) visit(samples[i], infos[i]);
-    if (taken > 0) dds_return_loan(reader, samples, taken);
-  }
-}
-
 void Strangers::look() {
   const double now_s = monotonic_s();
   if (now_s - looked_s_ < kBetweenLooks_s) return;
   looked_s_ = now_s;
-  take(participants_, [&](const void* sample, const dds_sample_info_t& info) {
+  take_all(participants_, [&](const void* sample, const dds_sample_info_t& info) {
     const auto& seen = *static_cast<const dds_builtintopic_participant_t*>(sample);
     const Key key = key_of(seen.key);
     if (info.instance_state != DDS_IST_ALIVE) {
@@ -77,7 +66,7 @@ void Strangers::look() {
     }
   });
   for (const dds_entity_t reader : {writers_, readers_})
-    take(reader, [&](const void* sample, const dds_sample_info_t&) {
+    take_all(reader, [&](const void* sample, const dds_sample_info_t&) {
       const auto guest =
           guests_.find(key_of(static_cast<const dds_builtintopic_endpoint_t*>(sample)->participant_key));
       if (guest != guests_.end()) guest->second.is_known = true;

@@ -29,9 +29,6 @@ class Strangers {
   };
   using Key = std::string;  ///< the 16 bytes of a participant's id
 
-  template <typename Visitor>
-  void take(dds_entity_t reader, Visitor visit);
-
   dds_entity_t participants_ = 0, writers_ = 0, readers_ = 0;
   Key own_;
   std::map<Key, Guest> guests_;

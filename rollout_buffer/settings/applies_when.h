@@ -147,8 +147,9 @@ inline constexpr AppliesWhen join_endpoint = {[](const RunConfig& c) {
                                                        c.hosts.link == LinkKind::kDds;
                                               },
                                               "serve, hosts or link dds"};
-inline constexpr AppliesWhen host_link = {[](const RunConfig& c) { return join_endpoint.holds(c); },
-                                          "serve, hosts, link dds or `comrad join`"};
+inline constexpr AppliesWhen host_link = {
+    [](const RunConfig& c) { return join_endpoint.holds(c) || c.hosts.publish; },
+    "serve, hosts, link dds, publish or `comrad join`"};
 
 }  // namespace with
 }  // namespace comrad

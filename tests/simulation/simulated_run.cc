@@ -249,7 +249,7 @@ Status SimulatedRun::apply(const Step& step) {
       train();
       break;
     case Verb::kReport: {
-      shm::LearnerReport report;
+      TrainStats report;
       report.decisions = referee_.ledger.counter;
       report.env_frames = 4 * report.decisions;
       effects_.arena().learner_reports().publish(report);

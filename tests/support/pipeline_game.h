@@ -163,14 +163,14 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
 
   std::atomic<bool> stop{false}, learner_stop{false};
   auto learner = learn::Learner::start({.run_dir = folder.string(), .serve = false, .checkpoint = ""}, config,
-                                       std::move(*arena), std::nullopt, learner_stop);
+                                       std::move(*arena), learner_stop);
   EXPECT_TRUE(learner) << learner.error().message;
   PipelineGameSet games(make);
   auto simulator = sim::SimWorker::create(
       games, of_workers,
       {.rules = {.seed = static_cast<uint64_t>(config.run.seed), .rewards = sim::RewardRules::from(config)}});
   EXPECT_TRUE(simulator) << simulator.error().message;
-  auto policy_worker = policy::PolicyWorker::create(config, of_workers, {}, nullptr);
+  auto policy_worker = policy::PolicyWorker::create(config, of_workers, {});
   EXPECT_TRUE(policy_worker) << policy_worker.error().message;
   TrainedGame trained;
   std::thread simulates([&] { EXPECT_TRUE((*simulator)->run(stop)); });

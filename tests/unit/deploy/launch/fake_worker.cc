@@ -99,7 +99,7 @@ int main(int argc, char** argv) {
                                   : role == "policy" ? arena->policy_counters(index)
                                                      : arena->learner_counters();
   counters.begin_life();
-  shm::LearnerReport report;
+  TrainStats report;
   if (habits.contains("restored")) {
     counters.decisions = counters.batches = report.decisions = std::stoull(habits["restored"]);
     report.env_frames = 4 * report.decisions;

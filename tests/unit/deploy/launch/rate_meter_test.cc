@@ -31,7 +31,7 @@ class RateMeterTest : public ::testing::Test {
     arena_.control().learner_env_frames = 4 * decisions;
   }
   void report(double lag) const {
-    shm::LearnerReport report;
+    TrainStats report;
     report.policy_lag_mean = lag;
     arena_.learner_reports().publish(report);
   }
@@ -83,7 +83,7 @@ TEST_F(RateMeterTest, HowFullTheReplayIsComesFromTheLearnersReport) {
   EXPECT_EQ(meter.replay_filled(), 1) << "no worker waits";
   for (const auto& [told, shown] :
        {std::pair(0.25, 0.25), {1.0, 1.0}, {0.0, 0.0}, {-3.0, 1.0}, {7.0, 1.0}, {std::nan(""), 1.0}}) {
-    shm::LearnerReport report;
+    TrainStats report;
     report.replay_filled = told;
     arena_.learner_reports().publish(report);
     ASSERT_TRUE(meter.take_report());

@@ -83,7 +83,7 @@ TEST_F(WorkerTableTest, AWorkerThatStandsStillIsNamedAndTheRateIsZeroWhenNoneIsL
 
   RateMeter meter(plan_);
   meter.use(&arena_);
-  shm::LearnerReport report;
+  TrainStats report;
   report.learner_version = 4, report.env_frames = 1024, report.env_frames_per_s = 5120,
   report.decisions_per_s = 1280;
   arena_.learner_reports().publish(report);

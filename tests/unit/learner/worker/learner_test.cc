@@ -213,7 +213,7 @@ class LearnerTest : public ::testing::Test {
                                  .serve = mode == "serve",
                                  .checkpoint = "",
                                  .abandon_step_after_s = stop_at_batches_ > 0 ? 0.0 : 4.0};
-    auto learner = Learner::start(options, config, std::move(*arena), std::nullopt, stop_);
+    auto learner = Learner::start(options, config, std::move(*arena), stop_);
     if (!learner) {
       outcome.status = learner.error();
       return outcome;
@@ -711,7 +711,7 @@ TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {
   shm::Arena observer = *shm::Arena::adopt(dup(arena->descriptor()));
   const auto learner =
       Learner::start({.run_dir = (folder_ / "run").string(), .serve = false, .checkpoint = ""}, config,
-                     std::move(*arena), std::nullopt, stop_);
+                     std::move(*arena), stop_);
   ASSERT_TRUE(learner) << learner.error().message;
   EXPECT_EQ(observer.control().rollouts_allowed.load(), 3u);
   for (int env = 0; env < 4; ++env) {
@@ -774,7 +774,7 @@ TEST_F(LearnerTest, ASecondLearnerCannotJoinALockStepRunHalfWay) {
   Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 2);
   arena->control().rollouts_allowed = 4;
   const auto learner = Learner::start({.run_dir = folder_.string(), .serve = false, .checkpoint = ""}, config,
-                                      std::move(*arena), std::nullopt, stop_);
+                                      std::move(*arena), stop_);
   ASSERT_FALSE(learner);
   EXPECT_NE(learner.error().message.find("lock-step"), std::string::npos);
 }

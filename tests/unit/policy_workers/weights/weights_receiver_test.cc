@@ -48,19 +48,5 @@ TEST(WeightsReceiver, RefusesWeightsOfAnotherNetworkAndKeepsItsOwn) {
   EXPECT_FALSE(receiver.version());
 }
 
-TEST(WeightsReceiver, KnowsHowFarBehindTheNetworkIs) {
-  const NetworkOptions options = small_network();
-  const ActorCritic policy = ActorCritic::create(options, 2, torch::kCPU);
-  const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
-  WeightsReceiver receiver(arena);
-  arena.weights().publish(policy.weights(), 4);
-  ASSERT_TRUE(receiver.refresh(policy));
-  EXPECT_EQ(receiver.behind(), 0u);
-  arena.weights().publish(policy.weights(), 7);
-  EXPECT_EQ(receiver.behind(), 3u);
-  ASSERT_TRUE(receiver.refresh(policy));
-  EXPECT_EQ(receiver.behind(), 0u);
-}
-
 }  // namespace weights_receiver_test
 }  // namespace comrad::policy

@@ -41,7 +41,7 @@ class RunningWorker {
  public:
   RunningWorker(const RunConfig& config, const shm::Arena& arena, PolicyWorkerOptions options)
       : arena_(arena) {
-    auto made = PolicyWorker::create(config, arena, options, nullptr);
+    auto made = PolicyWorker::create(config, arena, options);
     EXPECT_TRUE(made) << made.error().message;
     worker_ = std::make_unique<PolicyWorker>(std::move(made).value());
     thread_ = std::thread([this] { result_ = worker_->run(stop_); });
@@ -245,7 +245,7 @@ TEST(PolicyWorker, RefusesSeatsThatDoNotFitTheArena) {
            {{}, {{SeatPlayer::kNoop}}, "lists 1 seats, the team has 2 agents"}}) {
     const test::ScratchFolder folder;
     write_seats(folder, networks, seats);
-    const auto worker = PolicyWorker::create(small_config(), arena, {.seats_of = folder.string()}, nullptr);
+    const auto worker = PolicyWorker::create(small_config(), arena, {.seats_of = folder.string()});
     ASSERT_FALSE(worker);
     EXPECT_NE(worker.error().message.find(message), std::string::npos) << worker.error().message;
   }
@@ -293,16 +293,15 @@ TEST(PolicyWorker, RefusesARunWhoseShapesDoNotFitItsNetwork) {
   const shm::Arena arena = make_arena(options, {}, 1 << 20);
   RunConfig config = small_config();
   config.network.rnn_type = RnnType::kLstm;
-  EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
+  EXPECT_EQ(PolicyWorker::create(config, arena, {}).error().code, ErrorCode::kBadInput);
   config = small_config();
-  EXPECT_EQ(PolicyWorker::create(config, arena, {.worker_index = 1}, nullptr).error().code,
-            ErrorCode::kBadInput);
+  EXPECT_EQ(PolicyWorker::create(config, arena, {.worker_index = 1}).error().code, ErrorCode::kBadInput);
   config.collection.device = "tpu";
-  EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
+  EXPECT_EQ(PolicyWorker::create(config, arena, {}).error().code, ErrorCode::kBadInput);
   config.collection.policy_device = "cpu,tpu";
-  EXPECT_TRUE(PolicyWorker::create(config, arena, {}, nullptr)) << "the first of them has its own device";
+  EXPECT_TRUE(PolicyWorker::create(config, arena, {})) << "the first of them has its own device";
   const shm::Arena narrow = make_arena(options, {}, 64);
-  EXPECT_EQ(PolicyWorker::create(small_config(), narrow, {}, nullptr).error().code, ErrorCode::kBadInput);
+  EXPECT_EQ(PolicyWorker::create(small_config(), narrow, {}).error().code, ErrorCode::kBadInput);
 }
 
 /// Runs the program, returns its exit code and what it printed on stdout.

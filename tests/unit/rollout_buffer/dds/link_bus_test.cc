@@ -8,7 +8,6 @@
 #include <random>
 
 #include "rollout_buffer/core/clock.h"
-#include "rollout_buffer/dds/bus.h"
 #include "tests/support/network_pair.h"
 #include "tests/support/patience.h"
 

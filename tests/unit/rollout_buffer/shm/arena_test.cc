@@ -420,7 +420,7 @@ TEST(Report, TheNewestIsReadOnceAndNeverHalf) {
   EXPECT_FALSE(arena.learner_reports().read(seen)) << "none was published";
   std::atomic<bool> done = false;
   std::thread learner([&] {
-    LearnerReport report;
+    TrainStats report;
     for (uint64_t i = 1; i <= 200'000; ++i) {
       report.env_frames = report.decisions = report.episodes = i;
       std::memset(report.last_checkpoint, 'a' + static_cast<int>(i % 26), kCheckpointPathBytes);
@@ -432,7 +432,7 @@ TEST(Report, TheNewestIsReadOnceAndNeverHalf) {
   int read = 0;
   for (bool last = false; !last;) {
     last = done;
-    const std::optional<LearnerReport> report = arena.learner_reports().read(seen);
+    const std::optional<TrainStats> report = arena.learner_reports().read(seen);
     if (!report) continue;
     ++read;
     EXPECT_GT(report->env_frames, newest);

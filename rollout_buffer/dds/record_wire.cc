@@ -1,4 +1,4 @@
-#include "rollout_buffer/dds/episode_wire.h"
+#include "rollout_buffer/dds/record_wire.h"
 
 #include <algorithm>
 #include <span>
@@ -41,6 +41,41 @@ EpisodeRecord record_of(const comrad_wire_EpisodeRecord& wire) {
   std::copy_n(wire.agent_return._buffer, agents, record.agent_return.data());
   std::copy_n(wire.agent_score._buffer, agents, record.agent_score.data());
   return record;
+}
+
+comrad_wire_TrainStats wire_of(const TrainStats& stats) {
+  comrad_wire_TrainStats wire{};
+  wire.time_s = stats.time_s;
+  wire.env_frames = stats.env_frames;
+  wire.decisions = stats.decisions;
+  wire.env_frames_per_s = stats.env_frames_per_s;
+  wire.decisions_per_s = stats.decisions_per_s;
+  wire.score_mean = stats.score_mean;
+  wire.return_mean = stats.return_mean;
+  wire.episodes = stats.episodes;
+  wire.policy_lag_mean = stats.policy_lag_mean;
+  wire.replay_filled = stats.replay_filled;
+  wire.learner_version = stats.learner_version;
+  wire.policy_lag_max = stats.policy_lag_max;
+  put(wire.last_checkpoint, stats.last_checkpoint);
+  return wire;
+}
+
+TrainStats stats_of(const comrad_wire_TrainStats& wire) {
+  TrainStats stats{.time_s = wire.time_s,
+                   .env_frames = wire.env_frames,
+                   .decisions = wire.decisions,
+                   .env_frames_per_s = wire.env_frames_per_s,
+                   .decisions_per_s = wire.decisions_per_s,
+                   .score_mean = wire.score_mean,
+                   .return_mean = wire.return_mean,
+                   .episodes = wire.episodes,
+                   .policy_lag_mean = wire.policy_lag_mean,
+                   .replay_filled = wire.replay_filled,
+                   .learner_version = wire.learner_version,
+                   .policy_lag_max = wire.policy_lag_max};
+  put(stats.last_checkpoint, get(wire.last_checkpoint));
+  return stats;
 }
 
 }  // namespace comrad::dds
