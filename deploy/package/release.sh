@@ -45,7 +45,7 @@ point "CITATION.cff has the same" "write version: ${version}" citation_agrees
 point "CHANGELOG.md has it, with its date" "write ## [${version}] - DATE" changelog_has_it
 point "nothing is left under Unreleased" "move it below ${version}'s heading" nothing_waits
 point "licences, citation and datasheet are there" "restore them" has_pages
-point "every scenario says its version" "write version = N" scenarios_have_versions
+point "every scenario has a version" "write version = N" scenarios_have_versions
 point "everything is committed" "commit or remove what git status shows" is_committed
 point "the commit has the tag v${version}" "git tag v${version}" is_tagged
 if [[ -z "${quick}" ]]; then

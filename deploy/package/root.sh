@@ -1,6 +1,6 @@
-# shellcheck shell=bash disable=SC2034 # it is sourced, and its variables are for who does that
+# shellcheck shell=bash disable=SC2034 # it is sourced; its variables are for the script that sources it
 # Roots of Debian releases, for what is built or tried away from this machine's packages. Sourced by bash scripts; needs root, namespaces,
-# mmdebstrap and a mirror: the machine's own sources, asked for the release that is wanted.
+# mmdebstrap and a mirror: the machine's own sources with the wanted release.
 
 # Why no root can be made here, in words; nothing where it can.
 why_no_root() {
@@ -50,7 +50,7 @@ give_pip() {
   done
 }
 
-# copy_sources CHECKOUT FOLDER: the files that git knows or would add, as they are.
+# copy_sources CHECKOUT FOLDER: the tracked files and those that git would add, as they are.
 copy_sources() {
   rm -rf "$2"
   mkdir -p "$2"
@@ -58,7 +58,7 @@ copy_sources() {
     tar --null --files-from=- -c) | tar -C "$2" -x
 }
 
-# in_root NETWORK FOLDER [BIND...] -- COMMAND...: the command in that root, with processes, mounts and an empty environment of its own.
+# in_root NETWORK FOLDER [BIND...] -- COMMAND...: the command in that root, with processes, mounts and a separate empty environment.
 # NETWORK is host or none; each BIND is a folder that appears there, read-only, or OUTSIDE:INSIDE, which may be written.
 in_root() {
   local network="$1" options=(--mount --pid --fork --kill-child)

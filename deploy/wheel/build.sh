@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# The wheels of `comrad` and `comrad-freedoom`, made in a Debian 12 of their own:
+# The wheels of `comrad` and `comrad-freedoom`, made in a separate Debian 12:
 #
 #   deploy/wheel/build.sh [FOLDER]      where they are put (default: dist)
 #
-# They are built from this checkout's files (README.md beside this says what is linked in). Needs root, mmdebstrap, a mirror of Debian and
+# They are built from this checkout's files (README.md lists what is linked in). Needs root, mmdebstrap, a mirror of Debian and
 # pip's index. COMRAD_WHEEL_ROOT names a folder to keep the Debian in, ccache and all, and to take it from the next time.
 set -euo pipefail
 home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"

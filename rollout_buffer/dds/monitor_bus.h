@@ -76,7 +76,7 @@ class MonitorBus {
   /// Blocks until something lies ready on any reader made so far, or `timeout_ms`. True if something does.
   bool wait(int timeout_ms);
 
-  /// Whom discovery shows on this run's link: the versions in which these topics are written, and whether the run serves.
+  /// The writers that discovery shows on this run's link: the versions in which these topics are written, and whether the run serves.
   struct Seen {
     std::vector<uint32_t> versions = {};
     bool has_link = false;

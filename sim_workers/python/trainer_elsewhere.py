@@ -1,5 +1,5 @@
 #!python
-"""The command `comrad` of the Python package: the trainer's own program, where one is installed, else a line that says where to get it."""
+"""The command `comrad` of the Python package: the trainer's own program, where one is installed, else a line with where to get it."""
 
 import os
 import sys

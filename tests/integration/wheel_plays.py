@@ -1,4 +1,4 @@
-"""What an installed `comrad` must do where nothing but Python, pip and its wheels is: wheel_test.sh starts it in a root of its own.
+"""What an installed `comrad` must do where nothing but Python, pip and its wheels is: wheel_test.sh starts it in a separate root.
 
     python3 wheel_plays.py
 """
@@ -32,7 +32,7 @@ print(time.process_time() - begin)
 
 
 def run(script, **environment):
-    """A Python of its own; its last line, whether it ended well or badly."""
+    """A separate Python; its last line, whether it ended well or badly."""
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, env={**os.environ, **environment})
     lines = (done.stdout + done.stderr).strip().splitlines()
     return lines[-1] if lines else ""

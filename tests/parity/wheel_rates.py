@@ -4,7 +4,7 @@
     python3 tests/parity/wheel_rates.py FOLDER OTHER [--rounds 9] [--scenario lava_pit]
 
 Each FOLDER is on Python's path and has `comrad` in it (build/python; site-packages of an environment). In each round both play the same
-episodes, in turn, in processes of their own; what counts is processor time, so other programs change little. Prints the medians in decisions
+episodes, in turn, in separate processes; what counts is processor time, so other programs change little. Prints the medians in decisions
 per second of processor time, their ratio and the span of the rounds' ratios. Not part of the test suite.
 """
 

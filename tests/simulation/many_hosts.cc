@@ -200,8 +200,9 @@ ManyHostsOutcome play(const ManyHosts& about) {
   Star star(about);
   Rng random(about.seed);
   const shm::Arena learner = make_arena(1 + about.hosts, 8 * about.hosts + 16, about.hosts, 7);
-  link::TrajectoryReceiverOptions options{.first_worker = 1,
-                                          .most_peers = static_cast<std::size_t>(about.hosts)};
+  link::TrajectoryReceiverOptions options;
+  options.first_worker = 1;
+  options.most_peers = static_cast<std::size_t>(about.hosts);
   options.offer.scenario = "field";
   options.weights.bytes_per_s *= kWeightsBytes / about.weights_bytes;  // those of the simulation are small
   link::TrajectoryReceiver receiver(learner, dds::LinkBus(std::make_unique<Port>(star, -1)), options,

@@ -1,6 +1,6 @@
 """Croissant descriptions (mlcommons.org/croissant/1.0) of folders of maps and of recorded episodes.
 
-    python3 -m comrad.croissant FOLDER       writes FOLDER/croissant.json, and says what it describes
+    python3 -m comrad.croissant FOLDER       writes FOLDER/croissant.json, and prints what it describes
 
 FOLDER was written by `comrad doomgen NAME --pool ... -o FOLDER` or by `comrad eval --episodes_dir FOLDER`. Every file is listed with its
 SHA-256; records are the maps, or the episodes (whose first lines it gathers in FOLDER/episodes.jsonl). Repeated, it writes the same bytes.

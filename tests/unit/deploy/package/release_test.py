@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""deploy/package/release.sh --quick says of each point whether it is met.
+"""deploy/package/release.sh --quick reports of each point whether it is met.
 
     release_test.py [unittest arguments]
 """

@@ -173,7 +173,7 @@ TEST(MonitorBus, GivesALateMonitorTheNewestOfEachWorkerAndReport) {
   ASSERT_EQ(heard.workers.size(), 1u) << "keep-last 1 per worker";
   EXPECT_EQ(heard.workers[0].message, "report 3");
   EXPECT_EQ(heard.stats.at(0).stats.learner_version, 3u);
-  EXPECT_TRUE(heard.episodes.empty()) << "episodes are for those who listen";
+  EXPECT_TRUE(heard.episodes.empty()) << "episodes are for monitors that already listen";
 }
 
 TEST(MonitorBus, AnotherVersionIsSeenAndNotHeard) {
@@ -213,7 +213,7 @@ TEST(MonitorBus, TwoRunsOfOneHostNeverMeetEvenInTheSameDomain) {
     while (bus && bus->write(WorkerStatus{.worker_id = worker})) usleep(50'000);
     _exit(1);
   };
-  const pid_t stranger = reports(other_id, "stranger"), ours = reports(id, "ours");
+  const pid_t stranger = reports(other_id, "unknown"), ours = reports(id, "ours");
   std::vector<std::string> heard;
   {
     MonitorBus bus = open_bus(id);
@@ -301,7 +301,7 @@ TEST(MonitorBus, ListensOnLoopbackOnly) {
   const bool may_bind = setsockopt(probe, SOL_SOCKET, SO_BINDTODEVICE, "lo", 3) == 0;
   close(probe);
   if (!may_bind)
-    GTEST_SKIP() << "this kernel ties sockets to a device for root only; a packet filter stands in";
+    GTEST_SKIP() << "this kernel ties sockets to a device for root only; a packet filter replaces it";
   MonitorBus bus = open_bus(fresh_id());
   int sockets = 0;
   DIR* open = opendir("/proc/self/fd");
