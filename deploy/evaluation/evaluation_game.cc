@@ -74,17 +74,17 @@ Expected<MergedSettings> settings_for(const std::vector<Player>& players, const 
   return with_own_rewards(std::move(merged));
 }
 
-/// The same, with as many environments as there is something to do for, and one where it is filmed.
+/// The same, with as many environments as there is something to do for, and one where it is recorded.
 Expected<MergedSettings> sized_settings(const std::vector<Player>& players, const EvaluationRequest& request,
-                                        UserSettings user, const CommandLine& line, bool is_filmed) {
+                                        UserSettings user, const CommandLine& line, bool is_recorded) {
   const int core_count = usable_cores();
   const auto set = [&](const char* name, int64_t value) {
     user.typed.values.emplace_back(name, std::to_string(value));
   };
-  if (is_filmed)
+  if (is_recorded)
     for (const char* name : {"num_workers", "num_envs_per_worker", "worker_num_splits"}) set(name, 1);
   COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(players, request, user, line, core_count));
-  if (is_filmed || line.was_typed("num_envs_per_worker")) return merged;
+  if (is_recorded || line.was_typed("num_envs_per_worker")) return merged;
   const CollectionSettings& collection = merged.config.collection;
   const int64_t enough =
       (static_cast<int64_t>(request.episodes) + collection.num_workers - 1) / collection.num_workers;
@@ -173,7 +173,7 @@ Status check_maps(const std::string& maps, const CommandLine& line) {
 }
 
 Expected<EvaluationGame> prepare_game(const EvaluationRequest& request, const CommandLine& line,
-                                      bool is_filmed) {
+                                      bool is_recorded) {
   const UserSettings user{line.config_file(), line.typed()};
   RunConfig typed;
   COMRAD_TRY(apply_layer(typed, user.typed));
@@ -192,7 +192,7 @@ Expected<EvaluationGame> prepare_game(const EvaluationRequest& request, const Co
   if (!request.checkpoint.empty() && !game.player(request.policies.front()).is_network())
     return Error{ErrorCode::kBadInput,
                  "--checkpoint is of a run; --policy " + request.policies.front() + " has none"};
-  COMRAD_TRY_ASSIGN(game.merged, sized_settings(game.players, request, user, line, is_filmed));
+  COMRAD_TRY_ASSIGN(game.merged, sized_settings(game.players, request, user, line, is_recorded));
   RunConfig& config = game.merged.config;
   COMRAD_TRY_ASSIGN(game.teams, make_teams(request, static_cast<int>(config.environment.num_agents)));
   for (Player& player : game.players)

@@ -39,10 +39,10 @@ struct EvaluationGame {
 /// Errors: kBadInput for a word that --maps does not take, or maps that are named twice.
 Status check_maps(const std::string& maps, const CommandLine& line);
 
-/// Checks all players and makes the maps; nothing is played yet. `is_filmed`: one environment plays everything.
+/// Checks all players and makes the maps; nothing is played yet. `is_recorded`: one environment plays everything.
 /// Errors: those of find_player(), merge_new(), merge_onto_run(), check_plays(), make_teams(), describe_network() and
 /// TemporaryRun::create(); kBadInput for a --checkpoint of a player that has none.
 Expected<EvaluationGame> prepare_game(const EvaluationRequest& request, const CommandLine& line,
-                                      bool is_filmed);
+                                      bool is_recorded);
 
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "deploy/evaluation/film_request.h"
+#include "deploy/evaluation/video_request.h"
 
 namespace comrad::deploy {
 
@@ -20,7 +20,7 @@ struct EvaluationRequest {
   bool json = false, csv = false;
   bool each = false;  ///< report every episode, too
   bool background = false;
-  FilmRequest films = {};
+  VideoRequest videos = {};
   std::string positions = {}, episodes_file = {};  ///< files to write; empty: none
   std::string episodes_dir = {};                   ///< folder of episodes that play again; empty: none
   std::string recorded = {};                       ///< folder of recorded episodes to score; empty: none

@@ -28,13 +28,13 @@ enum class PolicySource {
   kFeeding,     ///< a learner on another host, which is fed with what is played here
 };
 
-/// What is filmed of an evaluation: all its episodes, one after the other, played by one environment.
-struct FilmPlan {
+/// What is recorded of an evaluation: all its episodes, one after the other, played by one environment.
+struct VideoPlan {
   std::string video;           ///< file; empty: none
   std::string finished_video;  ///< what the simulator renames it to once it is whole
   std::string frames;          ///< folder of single pictures; empty: none
   std::string size;            ///< of one agent's view, "640x360"
-  double seconds = 0;  ///< of film, a decision's 4 tics are 4/35 s; the episodes are played on; 0: no limit
+  double seconds = 0;  ///< of video, a decision's 4 tics are 4/35 s; the episodes are played on; 0: no limit
   bool is_wanted() const { return !video.empty() || !frames.empty(); }
 };
 
@@ -82,7 +82,7 @@ struct LaunchPlan {
   bool simulators_join =
       false;  ///< this run's simulators play in one that joins it, from this host (--link dds)
   bool sends_frames = false;  ///< kFeeding: its policy workers play with this host's simulators
-  FilmPlan film;
+  VideoPlan recording;
   PagePlan page = {};
   std::function<void(const EpisodeRecord&)> on_episode = nullptr;  ///< evaluation: called as each one ends
   bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()

@@ -31,7 +31,7 @@ std::string RunReport::evaluation_line() const {
   if (plan_.episodes > 0) {
     text = fmt::format("episodes {}/{}", meter_.episodes().size(), plan_.episodes);
     if (!meter_.episodes().empty()) text += " | J " + score_text(meter_.episode_score_mean());
-    text += " | " + film_text();
+    text += " | " + video_text();
   }
   if (plan_.feeds()) {
     const std::optional<link::Feed> feed = link::read_feed(plan_.run_dir);
@@ -45,14 +45,14 @@ std::string RunReport::evaluation_line() const {
                            plan_.config.environment.env_frameskip);
 }
 
-/// "film 700/700 tics | "; empty where nothing is filmed.
-std::string RunReport::film_text() const {
-  if (!plan_.film.is_wanted()) return "";
-  const auto limit = std::llround(kTicRateHz * plan_.film.seconds);
+/// "video 700/700 tics | "; empty where nothing is recorded.
+std::string RunReport::video_text() const {
+  if (!plan_.recording.is_wanted()) return "";
+  const auto limit = std::llround(kTicRateHz * plan_.recording.seconds);
   const int64_t played_tics = static_cast<int64_t>(meter_.played_decisions()) *
                               plan_.config.environment.env_frameskip / std::max(1, plan_.env.num_agents);
-  if (limit == 0) return "film " + whole_text(played_tics) + " tics | ";
-  return "film " + whole_text(std::min<int64_t>(played_tics, limit)) + "/" + whole_text(limit) + " tics | ";
+  if (limit == 0) return "video " + whole_text(played_tics) + " tics | ";
+  return "video " + whole_text(std::min<int64_t>(played_tics, limit)) + "/" + whole_text(limit) + " tics | ";
 }
 
 std::string RunReport::progress_line() const {

@@ -30,7 +30,7 @@ class RunReport {
  private:
   std::string hosts_text() const;
   std::string evaluation_line() const;
-  std::string film_text() const;
+  std::string video_text() const;
 
   const LaunchPlan& plan_;
   const Clock& clock_;

@@ -179,7 +179,7 @@ void Supervision::tend_evaluations_and_hosts() {
 /// A last checkpoint or a video takes as long as the machine lets it: only one that makes no progress is killed.
 bool Supervision::saves_something(const Worker& worker) const {
   return (worker.role == Role::kLearner && plan_.trains()) ||
-         (worker.role == Role::kSim && plan_.film.is_wanted());
+         (worker.role == Role::kSim && plan_.recording.is_wanted());
 }
 
 void Supervision::enforce_stop() {

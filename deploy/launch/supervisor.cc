@@ -33,7 +33,7 @@ namespace {
 constexpr int kTickMs = 50;  // longest sleep of the loop; signals, deaths and joins wake it at once
 constexpr double kStatusIntervalS = 2.0;
 constexpr double kShortestLineIntervalS = 0.1;
-constexpr double kFilmLineIntervalS = 1.0;
+constexpr double kVideoLineIntervalS = 1.0;
 constexpr double kLookIntervalS = 1.0;  // at the workers' counters, for their rates
 constexpr double kPublishIntervalS = 1.0;
 constexpr double kSnapshotLifetimeS = 0.2;  // repeated requests get the same answer
@@ -100,7 +100,7 @@ class Supervisor {
   std::string starting_line() const { return report_.starting_line(); }
   double line_interval_s() const {
     const double wanted_s = plan_.config.run.progress_interval;
-    return std::max(plan_.film.is_wanted() ? std::min(wanted_s, kFilmLineIntervalS) : wanted_s,
+    return std::max(plan_.recording.is_wanted() ? std::min(wanted_s, kVideoLineIntervalS) : wanted_s,
                     kShortestLineIntervalS);
   }
 

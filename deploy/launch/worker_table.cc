@@ -36,7 +36,7 @@ constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"frame-receiver", "comrad-frame-receiver", "frame receiver"},
                            {"feeder", "comrad-trajectory-sender", "trajectory sender"}};
 constexpr bool is_single(Role role) { return role != Role::kSim && role != Role::kPolicy; }
-constexpr const char* kFilmingSimulator = "comrad-sim-film";
+constexpr const char* kRecordingSimulator = "comrad-sim-video";
 constexpr const char* kShowingSimulator = "comrad-sim-watch";
 
 const Kind& kind_of(const Worker& worker) { return kKinds[static_cast<std::size_t>(worker.role)]; }
@@ -82,9 +82,9 @@ WorkerTable::WorkerTable(const LaunchPlan& plan, const Clock& clock, ProcessHost
 ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& server) const {
   const RunConfig& config = plan_.config;
   ChildOptions options;
-  const bool films = worker.role == Role::kSim && plan_.film.is_wanted();
+  const bool records = worker.role == Role::kSim && plan_.recording.is_wanted();
   const bool shows = worker.role == Role::kSim && plan_.page.is_wanted();
-  options.program = plan_.program(films   ? kFilmingSimulator
+  options.program = plan_.program(records ? kRecordingSimulator
                                   : shows ? kShowingSimulator
                                           : kind_of(worker).program);
   options.arguments = {"--run_dir", plan_.run_dir, "--arena", server};
@@ -113,14 +113,14 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
         add("--oracle_seats", joined(seats, ","));
       if (plan_.keeps_positions) add("--positions", plan_.positions_path(worker.index));
       if (plan_.keeps_episodes) add("--episodes", plan_.episodes_folder());
-      if (films) {
-        add("--film_size", plan_.film.size);
-        if (plan_.film.seconds > 0) add("--film_seconds", std::to_string(plan_.film.seconds));
-        if (!plan_.film.video.empty()) {
-          add("--film_video", plan_.film.video);
-          add("--film_finished_video", plan_.film.finished_video);
+      if (records) {
+        add("--video_size", plan_.recording.size);
+        if (plan_.recording.seconds > 0) add("--video_seconds", std::to_string(plan_.recording.seconds));
+        if (!plan_.recording.video.empty()) {
+          add("--video", plan_.recording.video);
+          add("--finished_video", plan_.recording.finished_video);
         }
-        if (!plan_.film.frames.empty()) add("--film_frames", plan_.film.frames);
+        if (!plan_.recording.frames.empty()) add("--video_frames", plan_.recording.frames);
       }
       if (shows) {
         add("--page", plan_.page.socket, "--view_size", plan_.page.size);

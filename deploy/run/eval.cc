@@ -13,10 +13,10 @@
 #include "deploy/evaluation/cross_play.h"
 #include "deploy/evaluation/csv.h"
 #include "deploy/evaluation/evaluation_game.h"
-#include "deploy/evaluation/film_request.h"
 #include "deploy/evaluation/play.h"
 #include "deploy/evaluation/recorded_episodes.h"
 #include "deploy/evaluation/summary.h"
+#include "deploy/evaluation/video_request.h"
 #include "deploy/run/command.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/output_check.h"
@@ -31,12 +31,12 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int64_t kEpisodesOfAFilm = 1;
+constexpr int64_t kEpisodesOfAVideo = 1;
 constexpr double kEpisodesOfAPage = 1e7;  // until it is closed
 
 /// The files to write, with absolute paths; empty: none.
 struct OutputFiles {
-  FilmPlan film;
+  VideoPlan recording;
   std::string positions, episodes, episodes_dir;
 };
 
@@ -50,12 +50,12 @@ Expected<OutputFiles> check_request(EvaluationRequest& request, const CommandLin
   request.each |= request.json;
   COMRAD_TRY(check_maps(request.maps, line));
   OutputFiles files;
-  COMRAD_TRY_ASSIGN(files.film, check_films(request.films));
-  if (files.film.is_wanted() && !line.was_typed("episodes")) request.episodes = kEpisodesOfAFilm;
+  COMRAD_TRY_ASSIGN(files.recording, check_videos(request.videos));
+  if (files.recording.is_wanted() && !line.was_typed("episodes")) request.episodes = kEpisodesOfAVideo;
   if (!request.positions.empty()) {
-    if (files.film.is_wanted())
+    if (files.recording.is_wanted())
       return Error{ErrorCode::kBadInput,
-                   "--positions_file and films are made one at a time; start comrad eval twice"};
+                   "--positions_file and videos are made one at a time; start comrad eval twice"};
     COMRAD_TRY_ASSIGN(files.positions, check_output_file("positions_file", request.positions, {".jsonl"}));
   }
   if (!request.episodes_file.empty()) {
@@ -63,23 +63,23 @@ Expected<OutputFiles> check_request(EvaluationRequest& request, const CommandLin
                       check_output_file("episodes_file", request.episodes_file, {".csv", ".jsonl"}));
   }
   if (!request.episodes_dir.empty()) {
-    if (files.film.is_wanted() || !files.positions.empty())
+    if (files.recording.is_wanted() || !files.positions.empty())
       return Error{ErrorCode::kBadInput,
-                   "--episodes_dir is made without films and --positions_file; start comrad eval twice"};
+                   "--episodes_dir is made without videos and --positions_file; start comrad eval twice"};
     COMRAD_TRY_ASSIGN(files.episodes_dir,
                       check_new_folder("episodes_dir", request.episodes_dir, "; name a new one"));
   }
   if (!request.page.empty()) {
-    if (files.film.is_wanted() || !files.positions.empty())
-      return Error{ErrorCode::kBadInput, "a page is shown without films and --positions_file"};
+    if (files.recording.is_wanted() || !files.positions.empty())
+      return Error{ErrorCode::kBadInput, "a page is shown without videos and --positions_file"};
     if (!line.was_typed("episodes")) request.episodes = kEpisodesOfAPage;
   }
   const bool has_several_teams = request.policies.size() > 1 || !request.cross_play.empty();
-  if (has_several_teams && (files.film.is_wanted() || !files.positions.empty() ||
+  if (has_several_teams && (files.recording.is_wanted() || !files.positions.empty() ||
                             !files.episodes_dir.empty() || !request.page.empty()))
     return Error{
         ErrorCode::kBadInput,
-        "films, pages, --positions_file and --episodes_dir are of one team; start comrad eval once for each "
+        "videos, pages, --positions_file and --episodes_dir are of one team; start comrad eval once for each "
         "policy"};
   return files;
 }
@@ -276,7 +276,7 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
   for (const std::string& text : flags_unused_by_eval(line.typed()))
     std::fprintf(stderr, "comrad eval: note: %s\n", text.c_str());
   COMRAD_TRY_ASSIGN(const EvaluationGame game,
-                    prepare_game(request, line, files.film.is_wanted() || !request.page.empty()));
+                    prepare_game(request, line, files.recording.is_wanted() || !request.page.empty()));
   if (!request.page.empty()) return show(request, files, game);
 
   const auto plays_greedily = [&](const Team& team) {
@@ -286,12 +286,12 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
   };
   std::vector<PlayedTeam> played;
   LaunchPlan plan;
-  HalfWrittenFilm video(files.film.video);
+  HalfWrittenVideo video(files.recording.video);
   for (const Team& team : game.teams) {
     COMRAD_TRY_ASSIGN(plan, plan_of(game, team, plays_greedily(team)));
-    plan.film = files.film;
-    plan.film.video = video.name();
-    plan.film.finished_video = video.finished_name();
+    plan.recording = files.recording;
+    plan.recording.video = video.name();
+    plan.recording.finished_video = video.finished_name();
     plan.keeps_positions = !files.positions.empty();
     plan.keeps_episodes = !files.episodes_dir.empty();
     if (plan.keeps_episodes) COMRAD_TRY(make_episodes_folder(plan));
@@ -310,8 +310,8 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
     summaries.push_back(summarise(game, one, scale, plays_greedily(*one.team), request.each));
     for (Json& row : episode_rows(game, one, scale)) rows.push_back(std::move(row));
   }
-  if (!files.film.video.empty()) summaries.front()["video"] = files.film.video;
-  if (!files.film.frames.empty()) summaries.front()["frames"] = files.film.frames;
+  if (!files.recording.video.empty()) summaries.front()["video"] = files.recording.video;
+  if (!files.recording.frames.empty()) summaries.front()["frames"] = files.recording.frames;
   if (!files.positions.empty()) {
     COMRAD_TRY(write_positions(files.positions, plan, summaries.front()));
     summaries.front()["positions"] = files.positions;
@@ -366,21 +366,21 @@ int eval_command(Arguments arguments) {
       "cross_play", request.cross_play, "PLAYERS",
       "each player with each: a matrix of J, the row's player at seat 0, the column's at all others; "
       "means of self-play and cross-play, and the gap between them");
-  line.add_option("episodes", request.episodes, "N", "episodes of each team (default 100, of a film 1)");
+  line.add_option("episodes", request.episodes, "N", "episodes of each team (default 100, of a video 1)");
   line.add_option(
       "checkpoint", request.checkpoint, "FILE",
       "the checkpoint to play, for example a milestone (default: as --load_checkpoint_kind selects)");
   line.add_option("maps", request.maps, "WORD",
                   "train (those that the run trains on) or held_out (20 that no training pool holds)");
   line.add_option(
-      "save_video", request.films.video, "FILE",
-      "film the episodes: .mp4, .mkv or .gif (8.75 pictures a second), all agents side by side, with "
+      "save_video", request.videos.video, "FILE",
+      "record the episodes: .mp4, .mkv or .gif (8.75 pictures a second), all agents side by side, with "
       "actions and score");
-  line.add_option("frames", request.films.frames, "DIR", "the same as one PNG a decision, in a new folder");
-  line.add_option("size", request.films.size, "WxH",
-                  "of one agent's view in films (default 640x360); the network still sees 128x72");
-  line.add_option("seconds", request.films.seconds, "S",
-                  "end films after S seconds; the episodes are played to their end for the score");
+  line.add_option("frames", request.videos.frames, "DIR", "the same as one PNG a decision, in a new folder");
+  line.add_option("size", request.videos.size, "WxH",
+                  "of one agent's view in videos (default 640x360); the network still sees 128x72");
+  line.add_option("seconds", request.videos.seconds, "S",
+                  "end videos after S seconds; the episodes are played to their end for the score");
   line.add_option(
       "positions_file", request.positions, "FILE",
       "write where each agent was after every decision, and the map's lines: JSON lines (.jsonl), "

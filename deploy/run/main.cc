@@ -19,7 +19,7 @@ const std::vector<Command>& commands() {
       {"train", "train agents on a scenario", train_command},
       {"serve", "train a run, new or begun, with a join endpoint for other hosts", serve_command},
       {"join", "let this host play for the learner of another host's run", join_command},
-      {"eval", "score or film a policy: a run's, random play or a scripted team", eval_command},
+      {"eval", "score or record a policy: a run's, random play or a scripted team", eval_command},
       {"watch", "show live on a page how a policy plays, and the run beside it", watch_command},
       {"play",
        "play a seat of a scenario in the browser, with policies or people as partners",

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "deploy/evaluation/film_request.h"
+#include "deploy/evaluation/video_request.h"
 #include "deploy/settings/output_check.h"
 #include "rollout_buffer/core/text.h"
 

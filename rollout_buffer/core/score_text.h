@@ -1,4 +1,4 @@
-// A score J in words: the same digits in tables, progress lines and films. Stage: messages.
+// A score J in words: the same digits in tables, progress lines and videos. Stage: messages.
 #pragma once
 
 #include <string>

@@ -70,7 +70,7 @@ class LayoutLibrary {
 
 class DoomEnvironment;
 
-/// Is shown an environment at every tic that there is something to see; for films.
+/// Is shown an environment at every tic that there is something to see; for videos.
 class TicWatcher {
  public:
   virtual ~TicWatcher() = default;

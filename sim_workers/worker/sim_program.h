@@ -1,4 +1,4 @@
-// What comrad-sim-worker does, and comrad-sim-film, which does the same and films it.
+// What comrad-sim-worker does, and comrad-sim-video, which does the same and records it.
 // Stage: tic > render > commit, step > append > seal.
 #pragma once
 

@@ -128,7 +128,7 @@ TEST(Programs, AFreshBuildHasEachThatTheLauncherStarts) {
   const std::set<std::string> started = programs_named_in(COMRAD_SOURCE_DIR "/deploy");
   EXPECT_THAT(started,
               IsSupersetOf({"comrad-acs", "comrad-doomgen", "comrad-learner", "comrad-policy-worker",
-                            "comrad-scenarios", "comrad-sim-film", "comrad-sim-worker", "comrad-trace"}));
+                            "comrad-scenarios", "comrad-sim-video", "comrad-sim-worker", "comrad-trace"}));
   // What the targets make that ./comrad builds, by the build system's own word. Only these two wait for their command.
   const std::string build = std::filesystem::path(COMRAD_BIN_DIR).parent_path().string();
   std::set<std::string> built;
@@ -259,7 +259,7 @@ TEST(Completion, BashCompletesAFlagAValueAndAScenario) {
   EXPECT_EQ(offered_by_bash(scratch, "comrad config --scenario lava", 3), "lava_maze lava_pit\n");
   EXPECT_EQ(offered_by_bash(scratch, "comrad doomgen stag", 2), "stag_hunt_arena\n");
   EXPECT_EQ(offered_by_bash(scratch, "comrad doomgen lava_pit --format u", 4), "udmf\n");
-  EXPECT_EQ(offered_by_bash(scratch, "comrad help do", 2), "doomgen doctor\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad help do", 2), "doomgen docs doctor\n");
 }
 
 TEST(Completion, AnUnknownShellIsBadInput) {

@@ -1,4 +1,4 @@
-// What is seen of a policy: films and episodes of `comrad eval`, and evaluations and milestones of a run that trains.
+// What is seen of a policy: videos and episodes of `comrad eval`, and evaluations and milestones of a run that trains.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -37,7 +37,7 @@ std::vector<std::string> evaluated_training(const ScratchFolder& scratch, double
                          "--save_milestones_env_steps", "4096", "--keep_checkpoints", "1"});
 }
 
-TEST(Evaluation, FilmsWhatItPlaysAndTellsOfEveryEpisode) {
+TEST(Evaluation, RecordsWhatItPlaysAndTellsOfEveryEpisode) {
   const ScratchFolder scratch;
   const std::string video = scratch / "random.mp4", frames = scratch / "frames";
   const Ending ending =
@@ -56,7 +56,7 @@ TEST(Evaluation, FilmsWhatItPlaysAndTellsOfEveryEpisode) {
             1 + (summary["each"][0]["length_tics"].get<size_t>() + 3) / 4);
 }
 
-TEST(Evaluation, AFilmMayEndBeforeItsEpisodeAndCountsItsFrames) {
+TEST(Evaluation, AVideoMayEndBeforeItsEpisodeAndCountsItsFrames) {
   const ScratchFolder scratch;
   const std::string video = scratch / "noop.gif";
   const Ending ending = comrad({"eval", "--policy", "random", "--scenario", "coop_health_gathering",
@@ -67,7 +67,7 @@ TEST(Evaluation, AFilmMayEndBeforeItsEpisodeAndCountsItsFrames) {
   EXPECT_LT(fs::file_size(video), 300'000u);
 }
 
-TEST(Evaluation, FilmsThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
+TEST(Evaluation, VideosThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
   const ScratchFolder scratch;
   for (const auto& [words, message] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{"--save_video", scratch / "a.avi"}, "one of .mp4, .mkv, .gif"},

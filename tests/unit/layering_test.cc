@@ -48,7 +48,7 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
       {"doomgen", {"wad", "layout", "acs"}},
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
-        "engine/tic", "engine/render", "env", "oracle", "worker", "film", "watch", "trace", "python"}},
+        "engine/tic", "engine/render", "env", "oracle", "worker", "video", "watch", "trace", "python"}},
       {"policy_workers", {"device", "kernels", "network", "batching", "weights", "worker"}},
       {"learner",
        {"batch", "estimators", "critics", "checkpoint", "ranks", "losses", "schedules", "step", "algorithms",
@@ -78,13 +78,13 @@ const std::vector<Library>& libraries() {
        {"rollout_buffer/dds/"}},
       {"OpenSSL", "libssl-dev", {"openssl/"}, {"rollout_buffer/dds/"}},
       {"OpenGL, OSMesa and EGL", "libosmesa6-dev", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
-      {"FFmpeg's codecs", "libavcodec-dev", {"libavcodec/", "libavutil/"}, {"sim_workers/film/"}},
-      {"FFmpeg's formats", "libavformat-dev", {"libavformat/"}, {"sim_workers/film/"}},
+      {"FFmpeg's codecs", "libavcodec-dev", {"libavcodec/", "libavutil/"}, {"sim_workers/video/"}},
+      {"FFmpeg's formats", "libavformat-dev", {"libavformat/"}, {"sim_workers/video/"}},
       {"OpenCV",
        "libopencv-imgproc-dev",
        {"opencv2/"},
-       {"sim_workers/env/", "sim_workers/film/", "sim_workers/watch/"}},
-      {"giflib", "libgif-dev", {"gif_lib.h"}, {"sim_workers/film/"}},
+       {"sim_workers/env/", "sim_workers/video/", "sim_workers/watch/"}},
+      {"giflib", "libgif-dev", {"gif_lib.h"}, {"sim_workers/video/"}},
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"CUDA", "libtorch-dev", {"c10/cuda/", "ATen/cuda/", "cuda"}, {"policy_workers/device/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
@@ -342,7 +342,7 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("deploy/watch/watch_server.cc", "boost/beast.hpp", false));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "GL/osmesa.h", false));
   EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "libavformat/avformat.h", false));
-  EXPECT_FALSE(is_fault("sim_workers/film/video_file.cc", "libavformat/avformat.h", false));
+  EXPECT_FALSE(is_fault("sim_workers/video/video_file.cc", "libavformat/avformat.h", false));
   EXPECT_TRUE(is_fault("learner/batch/collate.cc", "../estimators/gae.h"));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "tests/support/toy_environment.h"));
   EXPECT_FALSE(is_fault("sim_workers/env/doom_env.cc", "scenarios/spec/scenario_spec.h"));

@@ -587,6 +587,7 @@ TEST_F(LearnerTest, ReportsUnderTheNamesThatDashboardsKnowAndTheDocumentExplains
     RunConfig config = is_on_policy ? small_config() : small_q_config(algo);
     config.run.algo = algo;
     config.network.critic_hidden_sizes = "16,8";
+    if (!is_on_policy) config.q_learning.q_reset_every_updates = 4;
     config.run.experiment_summaries_interval = 1e-3;
     config.run.train_for_env_frames = 20 * 16 * 4;
     const Outcome outcome = live(config, algo);

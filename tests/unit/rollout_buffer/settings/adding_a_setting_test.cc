@@ -66,6 +66,7 @@ TEST(AddingASetting, IsOneRow) {
                            "settings/layers.cc", "settings/other_names.cc", "settings/resolve.cc",
                            "settings/reward_weights.cc", "settings/schedule.cc", "settings/setting.cc"})
     command += " '" + folder + file + "'";
+  command += " -lfmt";
   const Ending built = run(command);
   ASSERT_EQ(built.status, 0) << built.output;
   const Ending ran = run("'" + program + "'");

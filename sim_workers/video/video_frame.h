@@ -1,4 +1,4 @@
-// One picture of a film: the views of all agents side by side, below each what the agent presses and has earned, below
+// One picture of a video: the views of all agents side by side, below each what the agent presses and has earned, below
 // all the episode's score and clock. Stage: beside render, for eyes.
 #pragma once
 
@@ -22,7 +22,7 @@ struct AgentCaption {
 };
 
 /// What stands below all views.
-struct FilmCaption {
+struct VideoCaption {
   std::string scenario;
   uint64_t episode = 0;  ///< from 0
   uint32_t tics = 0, decisions = 0;
@@ -31,20 +31,20 @@ struct FilmCaption {
   double ceiling = 0;       ///< the best J of the map; 0: not known
   std::string ending;       ///< how the episode ended; empty while it continues
   std::vector<AgentCaption> agents;
-  friend bool operator==(const FilmCaption&, const FilmCaption&) = default;
+  friend bool operator==(const VideoCaption&, const VideoCaption&) = default;
 };
 
 /// Draws pictures of one size. Text and boxes grow with the views. Threads: one.
-class FilmFrame {
+class VideoFrame {
  public:
   /// `buttons` [heads]: the names of each action head's buttons.
-  FilmFrame(ViewSize view, int num_agents, const std::vector<std::vector<std::string>>& buttons);
+  VideoFrame(ViewSize view, int num_agents, const std::vector<std::vector<std::string>>& buttons);
 
   /// Even numbers of pixels, as video requires them.
   cv::Size size() const { return picture_.size(); }
   /// The picture [height, width] BGR u8, until the next call. `views` [N][3, view height, view width] u8, planar RGB;
   /// as many captions as agents.
-  const cv::Mat& draw(std::span<const std::vector<uint8_t>> views, const FilmCaption& caption);
+  const cv::Mat& draw(std::span<const std::vector<uint8_t>> views, const VideoCaption& caption);
 
  private:
   /// A button's box, relative to the caption's corner.
@@ -56,7 +56,7 @@ class FilmFrame {
   void lay_out(const std::vector<std::vector<std::string>>& buttons);
   void draw_view(std::size_t agent, const std::vector<uint8_t>& view);
   void draw_agent(std::size_t agent, const AgentCaption& caption);
-  void draw_footer(const FilmCaption& caption);
+  void draw_footer(const VideoCaption& caption);
   cv::Point corner_of(std::size_t agent) const;
   int pixels(double at_640) const;
   cv::Size text_size(const std::string& text, double scale) const;
@@ -69,7 +69,7 @@ class FilmFrame {
   std::vector<Chip> chips_;
   int caption_height_ = 0;
   cv::Mat picture_;
-  FilmCaption drawn_;  ///< what `picture_` shows; without agents before the first
+  VideoCaption drawn_;  ///< what `picture_` shows; without agents before the first
   std::vector<cv::Mat> planes_;
 };
 

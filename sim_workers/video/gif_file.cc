@@ -1,4 +1,4 @@
-#include "sim_workers/film/gif_file.h"
+#include "sim_workers/video/gif_file.h"
 
 #include <fcntl.h>
 #include <gif_lib.h>
@@ -142,7 +142,7 @@ Status GifFile::write_group() {
   for (std::size_t i = 0; i < palette.size(); ++i)
     colours->Colors[i] = {palette[i][2], palette[i][1], palette[i][0]};
   nearest_.assign(kCountedColours, -1);
-  // The first group's palette is the file's; most films have no other.
+  // The first group's palette is the file's; most videos have no other.
   bool is_written = true;
   const bool is_first = !std::exchange(has_head_, true);
   if (is_first) is_written = write_head(colours.get());

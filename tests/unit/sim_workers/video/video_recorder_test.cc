@@ -1,4 +1,4 @@
-#include "sim_workers/film/film.h"
+#include "sim_workers/video/video_recorder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,13 +15,13 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::sim {
-namespace film_test {
+namespace video_recorder_test {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-/// A generated map on disk, its game, and a film of two episodes of three decisions.
-class FilmTest : public ::testing::Test {
+/// A generated map on disk, its game, and a video of two episodes of three decisions.
+class VideoRecorderTest : public ::testing::Test {
  protected:
   void SetUp() override {
     const auto layout = scenarios::generate_layout("coop_health_gathering", {});
@@ -32,18 +32,18 @@ class FilmTest : public ::testing::Test {
     ASSERT_TRUE(game) << game.error().message;
     game_ = *game;
   }
-  Status play(const FilmOptions& films) {
-    auto film = Film::create(films, options_, *game_);
-    if (!film) return film.error();
+  Status play(const VideoOptions& videos) {
+    auto recorder = VideoRecorder::create(videos, options_, *game_);
+    if (!recorder) return recorder.error();
     DoomEnvironment environment(game_);
-    environment.show_to(film->get());
+    environment.show_to(recorder->get());
     const std::vector<int32_t> forward(
         static_cast<std::size_t>(environment.shape().num_agents * environment.shape().head_count), 1);
     for (uint64_t episode = 0; episode < 2; ++episode) {
       environment.reset(episode);
       for (int decision = 0; decision < 3; ++decision) environment.step(forward);
     }
-    return (*film)->finish();
+    return (*recorder)->finish();
   }
   std::vector<std::string> names(const fs::path& folder) const {
     std::vector<std::string> found;
@@ -57,8 +57,8 @@ class FilmTest : public ::testing::Test {
   std::shared_ptr<const DoomGame> game_;
 };
 
-TEST_F(FilmTest, AVideoHasAFrameForEverySecondTicAndAPictureForEveryDecision) {
-  const std::string video = (folder_ / "film.mp4").string();
+TEST_F(VideoRecorderTest, AVideoHasAFrameForEverySecondTicAndAPictureForEveryDecision) {
+  const std::string video = (folder_ / "video.mp4").string();
   const Status done = play({.video = video, .frames = (folder_ / "frames").string(), .size = {160, 90}});
   ASSERT_TRUE(done) << done.error().message;
   cv::VideoCapture read(video);
@@ -76,13 +76,13 @@ TEST_F(FilmTest, AVideoHasAFrameForEverySecondTicAndAPictureForEveryDecision) {
   const std::string png =
       read_file((folder_ / "frames/episode_000_decision_00003.png").string()).value_or("");
   const auto image =
-      doom::decode_png({reinterpret_cast<const uint8_t*>(png.data()), png.size()}, "a picture of the film");
+      doom::decode_png({reinterpret_cast<const uint8_t*>(png.data()), png.size()}, "a picture of the video");
   ASSERT_TRUE(image) << image.error().message;
   EXPECT_GE(image->width, 2 * 160);
 }
 
-TEST_F(FilmTest, AFilmEndsAfterItsSeconds) {
-  const std::string video = (folder_ / "film.mp4").string();
+TEST_F(VideoRecorderTest, AVideoEndsAfterItsSeconds) {
+  const std::string video = (folder_ / "video.mp4").string();
   const Status done =
       play({.video = video, .frames = (folder_ / "frames").string(), .size = {160, 90}, .seconds = 0.2});
   ASSERT_TRUE(done) << done.error().message;
@@ -91,8 +91,8 @@ TEST_F(FilmTest, AFilmEndsAfterItsSeconds) {
               ::testing::ElementsAre("episode_000_decision_00000.png", "episode_000_decision_00001.png"));
 }
 
-TEST_F(FilmTest, AGifHasAPictureForEveryDecision) {
-  const std::string video = (folder_ / "film.gif").string();
+TEST_F(VideoRecorderTest, AGifHasAPictureForEveryDecision) {
+  const std::string video = (folder_ / "video.gif").string();
   const Status done = play({.video = video, .size = {160, 90}});
   ASSERT_TRUE(done) << done.error().message;
   cv::VideoCapture read(video);
@@ -104,34 +104,35 @@ TEST_F(FilmTest, AGifHasAPictureForEveryDecision) {
   EXPECT_NEAR(test::gif_seconds(video), pictures / 8.75, 0.02);
 }
 
-TEST_F(FilmTest, AVideoGetsItsNameOnceItIsWhole) {
+TEST_F(VideoRecorderTest, AVideoGetsItsNameOnceItIsWhole) {
   const fs::path half = folder_ / "half.mp4", whole = folder_ / "whole.mp4";
   ASSERT_TRUE(play({.video = half.string(), .finished_video = whole.string(), .size = {160, 90}}));
   EXPECT_FALSE(fs::exists(half));
   EXPECT_TRUE(cv::VideoCapture(whole.string()).isOpened());
 }
 
-TEST_F(FilmTest, TheFilmDoesNotChangeWhatIsPlayed) {
-  DoomEnvironment alone(game_), filmed(game_);
-  auto film = Film::create({.frames = (folder_ / "frames").string(), .size = {128, 72}}, options_, *game_);
-  ASSERT_TRUE(film);
-  filmed.show_to(film->get());
+TEST_F(VideoRecorderTest, TheVideoDoesNotChangeWhatIsPlayed) {
+  DoomEnvironment alone(game_), recorded(game_);
+  auto recorder =
+      VideoRecorder::create({.frames = (folder_ / "frames").string(), .size = {128, 72}}, options_, *game_);
+  ASSERT_TRUE(recorder);
+  recorded.show_to(recorder->get());
   const std::vector<int32_t> forward(
       static_cast<std::size_t>(alone.shape().num_agents * alone.shape().head_count), 1);
-  for (DoomEnvironment* environment : {&alone, &filmed}) {
+  for (DoomEnvironment* environment : {&alone, &recorded}) {
     environment->reset(7);
     for (int decision = 0; decision < 5; ++decision) environment->step(forward);
   }
-  EXPECT_EQ(alone.state_hash(), filmed.state_hash());
+  EXPECT_EQ(alone.state_hash(), recorded.state_hash());
 }
 
-TEST_F(FilmTest, WhatCannotBeWrittenIsSaidAtOnceOrAtTheEnd) {
-  const Status nowhere = play({.video = (folder_ / "no/folder/film.mp4").string(), .size = {160, 90}});
+TEST_F(VideoRecorderTest, WhatCannotBeWrittenIsSaidAtOnceOrAtTheEnd) {
+  const Status nowhere = play({.video = (folder_ / "no/folder/video.mp4").string(), .size = {160, 90}});
   ASSERT_FALSE(nowhere);
-  EXPECT_THAT(nowhere.error().message, HasSubstr("film.mp4"));
+  EXPECT_THAT(nowhere.error().message, HasSubstr("video.mp4"));
   std::ofstream(folder_ / "file") << "1";
   EXPECT_FALSE(play({.frames = (folder_ / "file/frames").string(), .size = {160, 90}}));
 }
 
-}  // namespace film_test
+}  // namespace video_recorder_test
 }  // namespace comrad::sim

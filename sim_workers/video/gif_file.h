@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "sim_workers/film/film_file.h"
+#include "sim_workers/video/video_sink.h"
 
 struct GifFileType;
 struct ColorMapObject;
@@ -21,9 +21,9 @@ namespace comrad::sim {
 /// red. Source: Heckbert 1982, "Color image quantization for frame buffer display", median cut.
 std::vector<cv::Vec3b> choose_palette(std::span<const uint32_t> counts, std::size_t colours_max);
 
-/// Pictures are gathered in groups with one palette each, so that a film of any length needs little memory. A pixel that
+/// Pictures are gathered in groups with one palette each, so that a video of any length needs little memory. A pixel that
 /// is still close to the one shown is left as it is: that keeps what moves little small. Threads: one.
-class GifFile final : public FilmFile {
+class GifFile final : public VideoSink {
  public:
   /// Errors: kSystem where the file cannot be made.
   static Expected<std::unique_ptr<GifFile>> create(const std::string& path, cv::Size size);

@@ -1,4 +1,4 @@
-#include "deploy/evaluation/film_request.h"
+#include "deploy/evaluation/video_request.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -25,7 +25,7 @@ Expected<double> check_seconds(const std::string& text) {
   const char* const end = text.data() + text.size();
   const auto [stop, failure] = std::from_chars(text.data(), end, seconds);
   if (failure == std::errc() && stop == end && seconds > 0 && seconds <= kSecondsMax) return seconds;
-  return bad_value("seconds", text, "write how long the film is, in seconds above 0, for example 20");
+  return bad_value("seconds", text, "write how long the video is, in seconds above 0, for example 20");
 }
 
 }  // namespace
@@ -44,15 +44,15 @@ Status check_view_size(const std::string& text) {
                    "write WIDTHxHEIGHT of one agent's view, from 128x72 to 1920x1080, for example 640x360");
 }
 
-Expected<FilmPlan> check_films(const FilmRequest& request) {
-  FilmPlan plan;
+Expected<VideoPlan> check_videos(const VideoRequest& request) {
+  VideoPlan plan;
   if (request.video.empty() && request.frames.empty()) {
     if (!request.size.empty())
       return bad_value("size", request.size,
-                       "it is the size of films; add --save_video FILE or --frames DIR");
+                       "it is the size of videos; add --save_video FILE or --frames DIR");
     if (!request.seconds.empty())
       return bad_value("seconds", request.seconds,
-                       "it is the length of films; add --save_video FILE or --frames DIR");
+                       "it is the length of videos; add --save_video FILE or --frames DIR");
     return plan;
   }
   plan.size = request.size.empty() ? kDefaultSize : request.size;
@@ -65,12 +65,12 @@ Expected<FilmPlan> check_films(const FilmRequest& request) {
   }
   if (!request.frames.empty()) {
     COMRAD_TRY_ASSIGN(plan.frames, check_new_folder("frames", request.frames,
-                                                    ", which pictures of this film would mix with"));
+                                                    ", which pictures of this video would mix with"));
   }
   return plan;
 }
 
-HalfWrittenFilm::HalfWrittenFilm(const std::string& video) : video_(video) {
+HalfWrittenVideo::HalfWrittenVideo(const std::string& video) : video_(video) {
   const fs::path path = video;
   if (video.empty()) return;
   // The name's end selects the container.
@@ -82,13 +82,13 @@ HalfWrittenFilm::HalfWrittenFilm(const std::string& video) : video_(video) {
   signals_.emplace();
 }
 
-HalfWrittenFilm::~HalfWrittenFilm() {
+HalfWrittenVideo::~HalfWrittenVideo() {
   std::error_code ignored;
   for (const fs::path& name : {name_, finished_name_})
     if (!name.empty()) fs::remove(name, ignored);
 }
 
-Status HalfWrittenFilm::finish() {
+Status HalfWrittenVideo::finish() {
   std::error_code failed;
   if (!video_.empty()) fs::rename(finished_name_, video_, failed);
   return failed

@@ -1,4 +1,4 @@
-#include "sim_workers/film/video_file.h"
+#include "sim_workers/video/video_file.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>

@@ -1,4 +1,4 @@
-#include "sim_workers/film/film_frame.h"
+#include "sim_workers/video/video_frame.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -43,7 +43,7 @@ std::string words_of(const std::string& button) {
 
 }  // namespace
 
-FilmFrame::FilmFrame(ViewSize view, int num_agents, const std::vector<std::vector<std::string>>& buttons)
+VideoFrame::VideoFrame(ViewSize view, int num_agents, const std::vector<std::vector<std::string>>& buttons)
     : view_(view),
       num_agents_(num_agents),
       // 5 agents stand as 3 and 2, not as 4 and 1.
@@ -57,25 +57,25 @@ FilmFrame::FilmFrame(ViewSize view, int num_agents, const std::vector<std::vecto
   picture_ = cv::Mat(height + height % 2, width + width % 2, CV_8UC3, kBackground);
 }
 
-int FilmFrame::pixels(double at_640) const { return static_cast<int>(std::lround(at_640 * scale_)); }
+int VideoFrame::pixels(double at_640) const { return static_cast<int>(std::lround(at_640 * scale_)); }
 
-cv::Size FilmFrame::text_size(const std::string& text, double scale) const {
+cv::Size VideoFrame::text_size(const std::string& text, double scale) const {
   int below = 0;
   return cv::getTextSize(text, kFont, scale * scale_, 1, &below);
 }
 
-void FilmFrame::write(const std::string& text, cv::Point baseline, double scale, const cv::Scalar& color) {
+void VideoFrame::write(const std::string& text, cv::Point baseline, double scale, const cv::Scalar& color) {
   cv::putText(picture_, text, baseline, kFont, scale * scale_, color, 1, cv::LINE_AA);
 }
 
-cv::Point FilmFrame::corner_of(std::size_t agent) const {
+cv::Point VideoFrame::corner_of(std::size_t agent) const {
   const int column = static_cast<int>(agent) % columns_, row = static_cast<int>(agent) / columns_;
   const int gap = pixels(8);
   return {gap + column * (view_.width + gap), gap + row * (view_.height + caption_height_ + gap)};
 }
 
 /// Buttons in rows, as many in each as fit.
-void FilmFrame::lay_out(const std::vector<std::vector<std::string>>& buttons) {
+void VideoFrame::lay_out(const std::vector<std::vector<std::string>>& buttons) {
   const int edge = pixels(10), height = pixels(24), between = pixels(6);
   int x = edge, y = pixels(32);
   for (std::size_t head = 0; head < buttons.size(); ++head)
@@ -92,7 +92,7 @@ void FilmFrame::lay_out(const std::vector<std::vector<std::string>>& buttons) {
   caption_height_ = y + height + pixels(10);
 }
 
-const cv::Mat& FilmFrame::draw(std::span<const std::vector<uint8_t>> views, const FilmCaption& caption) {
+const cv::Mat& VideoFrame::draw(std::span<const std::vector<uint8_t>> views, const VideoCaption& caption) {
   const auto count = static_cast<std::size_t>(num_agents_);
   COMRAD_CHECK(views.size() == count && caption.agents.size() == count, "one view and caption an agent");
   for (std::size_t agent = 0; agent < count; ++agent) {
@@ -104,7 +104,7 @@ const cv::Mat& FilmFrame::draw(std::span<const std::vector<uint8_t>> views, cons
   return picture_;
 }
 
-void FilmFrame::draw_view(std::size_t agent, const std::vector<uint8_t>& view) {
+void VideoFrame::draw_view(std::size_t agent, const std::vector<uint8_t>& view) {
   const std::size_t plane_bytes = static_cast<std::size_t>(view_.width) * view_.height;
   COMRAD_CHECK(view.size() == 3 * plane_bytes, "a view is planar RGB");
   for (std::size_t plane = 0; plane < 3; ++plane)  // cv::Mat has no const view; it is only read
@@ -113,7 +113,7 @@ void FilmFrame::draw_view(std::size_t agent, const std::vector<uint8_t>& view) {
   cv::merge(planes_, picture_(cv::Rect(corner_of(agent), cv::Size(view_.width, view_.height))));
 }
 
-void FilmFrame::draw_agent(std::size_t agent, const AgentCaption& caption) {
+void VideoFrame::draw_agent(std::size_t agent, const AgentCaption& caption) {
   const cv::Point corner = corner_of(agent) + cv::Point(0, view_.height);
   cv::rectangle(picture_, cv::Rect(corner, cv::Size(view_.width, caption_height_)), kPanel, cv::FILLED);
   cv::rectangle(picture_, cv::Rect(corner, cv::Size(view_.width, pixels(3))), accent(agent), cv::FILLED);
@@ -138,7 +138,7 @@ void FilmFrame::draw_agent(std::size_t agent, const AgentCaption& caption) {
   }
 }
 
-void FilmFrame::draw_footer(const FilmCaption& caption) {
+void VideoFrame::draw_footer(const VideoCaption& caption) {
   const int gap = pixels(8), top = picture_.rows - pixels(34), baseline = top + pixels(20);
   picture_.rowRange(top, picture_.rows).setTo(kBackground);
   std::string score = "J " + score_text(caption.score);

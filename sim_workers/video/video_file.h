@@ -8,7 +8,7 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
-#include "sim_workers/film/film_file.h"
+#include "sim_workers/video/video_sink.h"
 
 struct AVCodecContext;
 struct AVFormatContext;
@@ -21,7 +21,7 @@ namespace comrad::sim {
 constexpr int64_t kTicsPerFrame = 2;
 
 /// 17.5 frames a second. Frames are compressed by threads of the encoder. Threads: one.
-class VideoFile final : public FilmFile {
+class VideoFile final : public VideoSink {
  public:
   /// `size`: even numbers of pixels. Errors: kUnsupported where FFmpeg has no H.264 encoder or refuses the size, kSystem
   /// where the file cannot be made.

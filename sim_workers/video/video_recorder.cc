@@ -1,4 +1,4 @@
-#include "sim_workers/film/film.h"
+#include "sim_workers/video/video_recorder.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,8 @@
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/schema/version.h"
 #include "sim_workers/engine/render/png_image.h"
-#include "sim_workers/film/gif_file.h"
-#include "sim_workers/film/video_file.h"
+#include "sim_workers/video/gif_file.h"
+#include "sim_workers/video/video_file.h"
 
 namespace comrad::sim {
 namespace {
@@ -29,51 +29,53 @@ std::vector<std::vector<std::string>> buttons_of(const DoomGame& game) {
 
 }  // namespace
 
-Film::Film(const FilmOptions& options, FilmFrame frame)
+VideoRecorder::VideoRecorder(const VideoOptions& options, VideoFrame frame)
     : options_(options),
       frame_(std::move(frame)),
       tics_left_(options.seconds > 0 ? std::max(1L, std::lround(kTicRateHz * options.seconds))
                                      : std::numeric_limits<int64_t>::max()) {}
 
-Film::~Film() = default;
+VideoRecorder::~VideoRecorder() = default;
 
-Expected<std::unique_ptr<Film>> Film::create(const FilmOptions& options,
-                                             const EnvironmentOptions& environments, const DoomGame& first) {
-  std::unique_ptr<Film> film(new Film(options, FilmFrame(options.size, first.num_agents, buttons_of(first))));
-  COMRAD_TRY_ASSIGN(film->renderer_,
+Expected<std::unique_ptr<VideoRecorder>> VideoRecorder::create(const VideoOptions& options,
+                                                               const EnvironmentOptions& environments,
+                                                               const DoomGame& first) {
+  std::unique_ptr<VideoRecorder> recorder(
+      new VideoRecorder(options, VideoFrame(options.size, first.num_agents, buttons_of(first))));
+  COMRAD_TRY_ASSIGN(recorder->renderer_,
                     make_renderer(first, environments.wads(), options.size, environments.renderer));
-  film->views_.assign(static_cast<std::size_t>(first.num_agents),
-                      std::vector<uint8_t>(std::size_t{3} * options.size.width * options.size.height));
-  film->caption_.scenario = first.spec.name;
-  film->caption_.agents.resize(film->views_.size());
-  for (AgentCaption& agent : film->caption_.agents) agent.choice.resize(first.spec.heads.size());
+  recorder->views_.assign(static_cast<std::size_t>(first.num_agents),
+                          std::vector<uint8_t>(std::size_t{3} * options.size.width * options.size.height));
+  recorder->caption_.scenario = first.spec.name;
+  recorder->caption_.agents.resize(recorder->views_.size());
+  for (AgentCaption& agent : recorder->caption_.agents) agent.choice.resize(first.spec.heads.size());
   if (!options.frames.empty()) {
     std::error_code failed;
     fs::create_directories(options.frames, failed);
     if (failed) return file_error(options.frames, failed.value());
   }
-  const cv::Size size = film->frame_.size();
+  const cv::Size size = recorder->frame_.size();
   if (lower_case(options.video).ends_with(".gif")) {
-    COMRAD_TRY_ASSIGN(film->file_, GifFile::create(options.video, size));
-    film->is_gif_ = true;
+    COMRAD_TRY_ASSIGN(recorder->file_, GifFile::create(options.video, size));
+    recorder->is_gif_ = true;
   } else if (!options.video.empty()) {
-    COMRAD_TRY_ASSIGN(film->file_, VideoFile::create(options.video, size));
+    COMRAD_TRY_ASSIGN(recorder->file_, VideoFile::create(options.video, size));
   }
-  return film;
+  return recorder;
 }
 
-void Film::began(const DoomEnvironment& environment) {
+void VideoRecorder::began(const DoomEnvironment& environment) {
   caption_.episode = episodes_++;
-  film(environment, true);
+  record(environment, true);
 }
 
-void Film::ticked(const DoomEnvironment& environment) {
+void VideoRecorder::ticked(const DoomEnvironment& environment) {
   const auto frame_skip = static_cast<uint64_t>(environment.game().frame_skip);
-  film(environment,
-       environment.last_step().episode_over() || environment.world().tic_count() % frame_skip == 0);
+  record(environment,
+         environment.last_step().episode_over() || environment.world().tic_count() % frame_skip == 0);
 }
 
-void Film::film(const DoomEnvironment& environment, bool ends_a_decision) {
+void VideoRecorder::record(const DoomEnvironment& environment, bool ends_a_decision) {
   if (!status_ || tics_left_ <= 0) return;
   const bool is_over = environment.last_step().episode_over();
   const int64_t tics = is_over ? std::min(kHeldTics, tics_left_) : 1;
@@ -92,7 +94,7 @@ void Film::film(const DoomEnvironment& environment, bool ends_a_decision) {
   if (status_ && is_png) status_ = write_picture(picture, caption_.decisions);
 }
 
-void Film::read_captions(const DoomEnvironment& environment) {
+void VideoRecorder::read_captions(const DoomEnvironment& environment) {
   const DoomGame& game = environment.game();
   const EpisodeRecord summary = environment.summary_so_far();
   for (int agent = 0; agent < game.num_agents; ++agent) {
@@ -112,7 +114,7 @@ void Film::read_captions(const DoomEnvironment& environment) {
   caption_.ending = step.terminated ? "over" : step.truncated ? "over: time limit" : "";
 }
 
-const cv::Mat& Film::draw(const DoomEnvironment& environment) {
+const cv::Mat& VideoRecorder::draw(const DoomEnvironment& environment) {
   std::vector<doom::ViewRequest> requests;
   for (std::size_t agent = 0; agent < views_.size(); ++agent)
     requests.push_back({&environment.world(), static_cast<int>(agent), views_[agent].data()});
@@ -120,7 +122,7 @@ const cv::Mat& Film::draw(const DoomEnvironment& environment) {
   return frame_.draw(views_, caption_);
 }
 
-Status Film::write_picture(const cv::Mat& picture, uint32_t decision) {
+Status VideoRecorder::write_picture(const cv::Mat& picture, uint32_t decision) {
   const std::size_t plane = picture.total();
   planes_.resize(3 * plane);
   for (std::size_t i = 0; i < plane; ++i)
@@ -132,7 +134,7 @@ Status Film::write_picture(const cv::Mat& picture, uint32_t decision) {
   return doom::write_png(options_.frames + name, planes_, picture.cols, picture.rows);
 }
 
-Status Film::finish() {
+Status VideoRecorder::finish() {
   const Status closed = file_ != nullptr ? file_->finish() : Status();
   file_.reset();
   COMRAD_TRY(std::exchange(status_, {}));

@@ -1,15 +1,15 @@
-#include "sim_workers/film/film_frame.h"
+#include "sim_workers/video/video_frame.h"
 
 #include <gtest/gtest.h>
 
 namespace comrad::sim {
-namespace film_frame_test {
+namespace video_frame_test {
 
 const std::vector<std::vector<std::string>> kButtons = {
     {"MOVE_FORWARD", "MOVE_BACKWARD"}, {"TURN_LEFT", "TURN_RIGHT"}, {"ATTACK"}};
 
-FilmCaption caption_of(int agents) {
-  FilmCaption caption;
+VideoCaption caption_of(int agents) {
+  VideoCaption caption;
   caption.scenario = "lava_pit";
   caption.limit_tics = 2100;
   caption.agents.resize(static_cast<std::size_t>(agents));
@@ -37,10 +37,10 @@ int pixels_that_differ(const cv::Mat& a, const cv::Mat& b) {
   return count;
 }
 
-TEST(FilmFrame, ShowsEveryViewWholeAndInItsColours) {
+TEST(VideoFrame, ShowsEveryViewWholeAndInItsColours) {
   for (const ViewSize size : {ViewSize{128, 72}, ViewSize{320, 180}, ViewSize{641, 361}})
     for (const int agents : {1, 2, 3, 4, 5, 8}) {
-      FilmFrame frame(size, agents, kButtons);
+      VideoFrame frame(size, agents, kButtons);
       const cv::Mat picture = frame.draw(views_of(agents, size), caption_of(agents));
       EXPECT_EQ(picture.cols % 2, 0);
       EXPECT_EQ(picture.rows % 2, 0);
@@ -56,37 +56,38 @@ TEST(FilmFrame, ShowsEveryViewWholeAndInItsColours) {
     }
 }
 
-TEST(FilmFrame, FewAgentsStandInOneRowManyInTwo) {
+TEST(VideoFrame, FewAgentsStandInOneRowManyInTwo) {
   const ViewSize size{128, 72};
-  EXPECT_GT(FilmFrame(size, 4, kButtons).size().width, 4 * size.width);
-  EXPECT_LT(FilmFrame(size, 5, kButtons).size().width, 4 * size.width);
-  EXPECT_GT(FilmFrame(size, 8, kButtons).size().width, 4 * size.width);
-  EXPECT_LT(FilmFrame(size, 8, kButtons).size().width, 5 * size.width);
+  EXPECT_GT(VideoFrame(size, 4, kButtons).size().width, 4 * size.width);
+  EXPECT_LT(VideoFrame(size, 5, kButtons).size().width, 4 * size.width);
+  EXPECT_GT(VideoFrame(size, 8, kButtons).size().width, 4 * size.width);
+  EXPECT_LT(VideoFrame(size, 8, kButtons).size().width, 5 * size.width);
 }
 
-TEST(FilmFrame, WhatIsPressedEarnedAndOverShows) {
+TEST(VideoFrame, WhatIsPressedEarnedAndOverShows) {
   const ViewSize size{320, 180};
-  FilmFrame frame(size, 2, kButtons);
+  VideoFrame frame(size, 2, kButtons);
   const auto views = views_of(2, size);
-  FilmCaption caption = caption_of(2);
+  VideoCaption caption = caption_of(2);
   const cv::Mat before = frame.draw(views, caption).clone();
   EXPECT_EQ(pixels_that_differ(before, frame.draw(views, caption)), 0) << "a picture shows its caption alone";
 
   const auto change = [&](auto&& edit) {
-    FilmCaption other = caption;
+    VideoCaption other = caption;
     edit(other);
     return pixels_that_differ(before, frame.draw(views, other));
   };
-  EXPECT_GT(change([](FilmCaption& c) { c.agents[0].choice[0] = 1; }), 500) << "a lit button is a filled box";
-  EXPECT_GT(change([](FilmCaption& c) { c.agents[1].return_so_far = 17; }), 5);
-  EXPECT_GT(change([](FilmCaption& c) { c.agents[1].is_alive = false; }), 20);
-  EXPECT_GT(change([](FilmCaption& c) { c.score = 8; }), 5);
-  EXPECT_GT(change([](FilmCaption& c) { c.score = 0.0085; }), 5) << "no score is too small to show";
-  EXPECT_GT(change([](FilmCaption& c) { c.agents[0].score = 0.0085; }), 5);
-  EXPECT_GT(change([](FilmCaption& c) { c.ending = "over"; }), 20);
-  EXPECT_GT(change([](FilmCaption& c) { c.tics = 1050; }), 300) << "the clock's line";
-  EXPECT_EQ(change([](FilmCaption& c) { c.agents[0].choice = {9, -1}; }), 0) << "no such button";
+  EXPECT_GT(change([](VideoCaption& c) { c.agents[0].choice[0] = 1; }), 500)
+      << "a lit button is a filled box";
+  EXPECT_GT(change([](VideoCaption& c) { c.agents[1].return_so_far = 17; }), 5);
+  EXPECT_GT(change([](VideoCaption& c) { c.agents[1].is_alive = false; }), 20);
+  EXPECT_GT(change([](VideoCaption& c) { c.score = 8; }), 5);
+  EXPECT_GT(change([](VideoCaption& c) { c.score = 0.0085; }), 5) << "no score is too small to show";
+  EXPECT_GT(change([](VideoCaption& c) { c.agents[0].score = 0.0085; }), 5);
+  EXPECT_GT(change([](VideoCaption& c) { c.ending = "over"; }), 20);
+  EXPECT_GT(change([](VideoCaption& c) { c.tics = 1050; }), 300) << "the clock's line";
+  EXPECT_EQ(change([](VideoCaption& c) { c.agents[0].choice = {9, -1}; }), 0) << "no such button";
 }
 
-}  // namespace film_frame_test
+}  // namespace video_frame_test
 }  // namespace comrad::sim

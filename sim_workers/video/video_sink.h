@@ -1,4 +1,4 @@
-// The file that a film is written to, picture by picture: a video or a GIF. Stage: beside render, for eyes.
+// The file that a video is written to, picture by picture: a video or a GIF. Stage: beside render, for eyes.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -8,12 +8,12 @@
 namespace comrad::sim {
 
 /// Destroying it without `finish` leaves a file that may be cut off. Threads: one.
-class FilmFile {
+class VideoSink {
  public:
-  FilmFile() = default;
-  FilmFile(const FilmFile&) = delete;
-  FilmFile& operator=(const FilmFile&) = delete;
-  virtual ~FilmFile() = default;
+  VideoSink() = default;
+  VideoSink(const VideoSink&) = delete;
+  VideoSink& operator=(const VideoSink&) = delete;
+  virtual ~VideoSink() = default;
 
   /// Adds a BGR picture of the file's size that is shown for `tics` (35ths of a second). Errors: kNoSpace.
   virtual Status add(const cv::Mat& picture, int64_t tics) = 0;

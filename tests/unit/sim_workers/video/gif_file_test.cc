@@ -1,4 +1,4 @@
-#include "sim_workers/film/gif_file.h"
+#include "sim_workers/video/gif_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -86,7 +86,7 @@ TEST_F(GifFileTest, WhatStandsStillCostsAlmostNothing) {
   EXPECT_LT(std::filesystem::file_size(path_), one + 50 * 150);
 }
 
-TEST_F(GifFileTest, LongFilmsHaveAPaletteForEveryGroup) {
+TEST_F(GifFileTest, LongVideosHaveAPaletteForEveryGroup) {
   std::vector<cv::Mat> pictures;
   for (int i = 0; i < 24; ++i)  // 7 MB each; the first group holds 10
     pictures.emplace_back(1500, 1500, CV_8UC3,
