@@ -180,7 +180,7 @@ TEST(CommandLine, HelpNamesEverySettingWithItsDefaultAndOldName) {
   EXPECT_THAT(
       help,
       HasSubstr("rollout INT                   decisions of each agent in a trajectory, T (default 32)"));
-  EXPECT_THAT(help, HasSubstr("(default 1; with Q-learning and td_lambda below 0)"));
+  EXPECT_THAT(help, HasSubstr("1.0; with Q-learning and td_lambda below 0)"));
 }
 
 TEST(CommandLine, HelpReadsTheFlagsBesideIt) {

@@ -110,7 +110,7 @@ TEST(Builtin, MonstersStatesLastAsLongAsDooms) {
        "VILEP20* "
        "VILEA2:VileChase"},
       {"Archvile", "Heal", "VILE[10* VILE\\10* VILE]10* VILEA2:VileChase"},
-      {"ExplosiveBarrel", "Death", "BEXPA5* BEXPB5*:Scream BEXPC5* BEXPD10*:Explode BEXPE10* TNT1A1050"},
+      {"ExplosiveBarrel", "Death", "BEXPA5* BEXPB5*:Scream BEXPC5* BEXPD5*:Explode BEXPE10* TNT1A1050"},
       {"Rocket", "Death", "MISLB8*:Explode MISLC6* MISLD4* ."},
       {"DoomImpBall", "Death", "BAL1C6* BAL1D6* BAL1E6* ."},
       {"TeleportFog", "Spawn",
