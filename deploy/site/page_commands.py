@@ -20,6 +20,9 @@ NEEDS = {
     "join": "another host",
     "serve": "another host",
     "docs": "a browser",
+    "watch": "a browser",
+    "play": "a browser",
+    "top": "a run that is alive",
     "doctor": "your machine",
 }
 PLACEHOLDER = re.compile(r"\.\.\.|[A-Z]{3,}|\$|[|<>]|\bpath/to/|\bK\b")  # a word that a reader replaces
