@@ -207,22 +207,18 @@ int bench_command(Arguments arguments) {
   line.add_option("from", flags.from, "FILE", "model: what `comrad bench train --json` printed");
   line.add_option("cores", flags.cores, "NUMBERS", "model: on how many cores (default 1,2,4,8,16,32)");
   line.add_settings();
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("bench", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  if (const Status checked = check(flags, line); !checked) return report_error("bench", checked.error());
-  if (!flags.charts.empty()) return report_error("bench", draw_charts(flags.charts));
-  if (flags.grid.benches.empty()) flags.grid.benches = {"sim"};
-  const Expected<ordered_json> summary = measure(flags, line);
-  if (!summary) return report_error("bench", summary.error());
-  if (flags.what == "report" && !flags.json) {
-    std::fputs(summary->at("markdown").get<std::string>().c_str(), stdout);
-    return kExitDone;
-  }
-  std::fputs(flags.json ? (summary->dump() + "\n").c_str() : bench_table(*summary).c_str(), stdout);
-  return flags.what == "check" && !summary->at("holds").get<bool>() ? kExitFailed : kExitDone;
+  return run_command("bench", line, arguments, [&]() -> Expected<int> {
+    COMRAD_TRY(check(flags, line));
+    if (!flags.charts.empty()) return draw_charts(flags.charts);
+    if (flags.grid.benches.empty()) flags.grid.benches = {"sim"};
+    COMRAD_TRY_ASSIGN(const ordered_json summary, measure(flags, line));
+    if (flags.what == "report" && !flags.json) {
+      std::fputs(summary.at("markdown").get<std::string>().c_str(), stdout);
+      return kExitDone;
+    }
+    std::fputs(flags.json ? (summary.dump() + "\n").c_str() : bench_table(summary).c_str(), stdout);
+    return flags.what == "check" && !summary.at("holds").get<bool>() ? kExitFailed : kExitDone;
+  });
 }
 
 }  // namespace comrad::deploy

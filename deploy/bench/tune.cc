@@ -140,13 +140,7 @@ int tune_command(Arguments arguments) {
   line.add_option("write", request.write, "FILE.toml", "write what was found, for comrad train --config");
   line.add_switch("json", request.json, "print one JSON object with every measurement on stdout");
   line.add_settings();
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("tune", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = tune_here(request, line);
-  return done ? *done : report_error("tune", done.error());
+  return run_command("tune", line, arguments, [&] { return tune_here(request, line); });
 }
 
 }  // namespace comrad::deploy

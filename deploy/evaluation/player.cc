@@ -44,14 +44,19 @@ std::string shape_difference(const EnvShape& trained, const EnvShape& played) {
 
 }  // namespace
 
+std::optional<SeatPlayer> player_without_run(const std::string& name) {
+  for (const SeatPlayer kind : {SeatPlayer::kOracle, SeatPlayer::kRandom, SeatPlayer::kNoop})
+    if (name == word_of(kind)) return kind;
+  return std::nullopt;
+}
+
 Expected<Player> find_player(const std::string& name, const std::string& train_dir) {
   Player player;
   player.name = name;
-  for (const SeatPlayer kind : {SeatPlayer::kOracle, SeatPlayer::kRandom, SeatPlayer::kNoop})
-    if (name == word_of(kind)) {
-      player.kind = kind;
-      return player;
-    }
+  if (const std::optional<SeatPlayer> kind = player_without_run(name)) {
+    player.kind = *kind;
+    return player;
+  }
   if (name == kPerson) {
     player.is_person = true;
     return player;

@@ -1,6 +1,7 @@
 // A player for an agent's seat: a run's network, a seat of the scripted team, random play, or no action.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "deploy/settings/merged_settings.h"
@@ -28,6 +29,9 @@ struct Player {
 
   bool is_network() const { return kind == SeatPlayer::kNetwork; }
 };
+
+/// "random", "oracle" or "noop": players that need no run; nothing for other names.
+std::optional<SeatPlayer> player_without_run(const std::string& name);
 
 /// Reads a player: "random", "oracle", "noop", "person", a run (its folder, or an experiment below `train_dir`), or a checkpoint
 /// in a run's folder (a path that ends in .pt). Its settings and its checkpoint, unless one was named, are still to be

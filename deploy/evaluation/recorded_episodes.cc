@@ -86,16 +86,11 @@ Status keep_episodes(const std::string& folder, const EvaluationGame& game, cons
 }
 
 Expected<Json> summarise_recorded(const std::string& folder, bool each) {
-  std::vector<std::string> paths;
-  std::error_code failed;
-  for (const auto& entry : fs::directory_iterator(folder, failed))
-    if (entry.path().extension() == ".comrad") paths.push_back(entry.path().string());
-  if (failed) return file_error(folder, failed.value());
+  COMRAD_TRY_ASSIGN(const std::vector<std::string> paths, files_with_extension(folder, ".comrad"));
   if (paths.empty())
     return Error{
         ErrorCode::kNotFound,
         folder + ": no episodes (*.comrad); comrad eval --episodes_dir and comrad play --save write them"};
-  std::ranges::sort(paths);
   std::vector<double> scores, returns, lengths;
   std::set<std::string> players;
   Json summary, all = Json::array();

@@ -11,6 +11,7 @@
 #include <sstream>
 #include <utility>
 
+#include "rollout_buffer/core/abstract_address.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"

@@ -81,11 +81,6 @@ std::vector<std::pair<std::string, std::string>> sleeping_threads() {
   return {{"OMP_WAIT_POLICY", "PASSIVE"}};
 }
 
-void Descriptor::close() {
-  if (value_ >= 0) ::close(value_);
-  value_ = -1;
-}
-
 Expected<Pipe> Pipe::open() {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return system_error("pipe");

@@ -8,28 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "rollout_buffer/core/descriptor.h"
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad::deploy {
-
-/// A descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int value = -1) : value_(value) {}
-  Descriptor(Descriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(value_, other.value_);
-    return *this;
-  }
-  ~Descriptor() { close(); }
-
-  int get() const { return value_; }
-  bool is_open() const { return value_ >= 0; }
-  void close();
-
- private:
-  int value_;
-};
 
 /// Two ends that a child does not inherit by itself.
 struct Pipe {

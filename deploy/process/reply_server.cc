@@ -124,11 +124,4 @@ Expected<Descriptor> connect_to_name(const std::string& name) {
   return system_error("socket " + name);
 }
 
-Peer peer_of(int descriptor) {
-  ucred peer{};
-  socklen_t size = sizeof peer;
-  if (getsockopt(descriptor, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 || size != sizeof peer) return {};
-  return {.user = peer.uid, .pid = peer.pid};
-}
-
 }  // namespace comrad::deploy

@@ -64,11 +64,5 @@ Expected<Descriptor> listen_on_address(const std::string& address, int port);
 Expected<Descriptor> listen_on_name(const std::string& name);
 /// A connection to such a name. Errors: kNotFound where no process listens, kTimeout, kSystem.
 Expected<Descriptor> connect_to_name(const std::string& name);
-/// The user and process at the other end of such a connection; -1 where the kernel does not report it.
-struct Peer {
-  int64_t user = -1;
-  int64_t pid = -1;
-};
-Peer peer_of(int descriptor);
 
 }  // namespace comrad::deploy

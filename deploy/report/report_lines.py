@@ -47,6 +47,14 @@ def parse_json(text: str):
         raise ValueError("it nests too deeply") from None
 
 
+def read_object(path: pathlib.Path) -> dict:
+    """Raises OSError, and ValueError with a sentence."""
+    found = parse_json(read_text(path))
+    if not isinstance(found, dict):
+        raise ValueError(f"{path.name} holds no object")
+    return found
+
+
 def read_reports(path: pathlib.Path) -> tuple[list[tuple[float, float, dict]], list[int]]:
     """The reports of a metrics.jsonl as (env_frames, time_s, report), rising in env frames, and the numbers of its damaged lines.
 

@@ -18,7 +18,7 @@ from analysis import REFERENCE, Reference, Study, published_table, scenario_sett
 from figures import COLORS, STYLE, colors_of, legend_below, plt
 from curves import draw_references, draw_runs
 from intervals import interquartile_mean, stratified_interval, student_interval
-from run_files import OFF_POLICY, ON_POLICY, RESULT, Run, episode_values, parse_json, read_text
+from run_files import OFF_POLICY, ON_POLICY, RESULT, Run, episode_values, read_object
 from tables import Table, as_csv, as_markdown, millions, rounded, with_interval
 
 ALGORITHMS = ON_POLICY + OFF_POLICY
@@ -56,7 +56,6 @@ class Row:
     """A kept run. scores [E] f64 is J of each evaluated episode; p_score is Holm's, NaN where random play was not measured."""
 
     run: Run
-    result: dict
     scores: np.ndarray
     returns: np.ndarray
     p_score: float = math.nan
@@ -71,25 +70,22 @@ class Row:
 
     @property
     def stale(self) -> str:
-        stale = self.result.get("stale")
+        stale = self.run.result.get("stale")
         words = [stale] if isinstance(stale, str) and stale else []
         played, version = self.run.settings["scenario_version"], scenario_settings(self.run.scenario).get("version", 1)
         return "; ".join(words + [f"version {played} of the scenario, now {version}"] * (played != version))
 
     @property
     def env_frames(self) -> float:
-        return float(self.result.get("env_frames") or math.nan)
+        return float(self.run.result.get("env_frames") or math.nan)
 
 
-def read_episodes(path: pathlib.Path) -> tuple[dict, np.ndarray, np.ndarray]:
-    """A kept evaluation, and J and return of each of its episodes, [E] f64. Raises OSError and ValueError with a sentence."""
-    answer = parse_json(read_text(path))
-    if not isinstance(answer, dict):
-        raise ValueError(f"{path.name} holds no object")
-    scores, returns = (episode_values(answer, name) for name in ("J", "return"))
+def episodes_of(answer: dict, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """J and return of each episode of a kept evaluation, [E] f64. Raises ValueError with a sentence about the file `name`."""
+    scores, returns = (episode_values(answer, value) for value in ("J", "return"))
     if len(scores) < 2 or len(scores) != len(returns) or not np.isfinite([scores, returns]).all():
-        raise ValueError(f"{path.name} lacks J or return of its episodes")
-    return answer, scores, returns
+        raise ValueError(f"{name} lacks J or return of its episodes")
+    return scores, returns
 
 
 def welch(ours: np.ndarray, others: np.ndarray) -> float:
@@ -134,8 +130,8 @@ class Kept:
         for row in self.rows:
             cells.setdefault((row.run.scenario, row.run.algo), []).append(row)
         for at, found in cells.items():
-            goal = max(row.result.get("train_for_env_frames") or 0 for row in found)
-            cells[at] = [row for row in found if (row.result.get("train_for_env_frames") or 0) == goal]
+            goal = max(row.run.result.get("train_for_env_frames") or 0 for row in found)
+            cells[at] = [row for row in found if (row.run.result.get("train_for_env_frames") or 0) == goal]
         return cells
 
 
@@ -144,12 +140,13 @@ def read_kept_rows(study: Study, folder: pathlib.Path) -> Kept:
     rows, problems, random_play = [], [], {}
     for run in study.runs:
         try:
-            rows.append(Row(run, *read_episodes(run.folder / RESULT)))
-        except (OSError, ValueError) as error:
+            rows.append(Row(run, *episodes_of(run.result, RESULT)))
+        except ValueError as error:
             problems.append(f"{run.name}: {error}")
     for scenario in sorted({row.run.scenario for row in rows}):
         try:
-            random_play[scenario] = read_episodes(folder / f"{RANDOM}{scenario}.json")[1]
+            path = folder / f"{RANDOM}{scenario}.json"
+            random_play[scenario] = episodes_of(read_object(path), path.name)[0]
         except (OSError, ValueError) as error:
             problems.append(f"random play of {scenario}: {error}")
     tested = [row for row in rows if row.run.scenario in random_play]
@@ -161,6 +158,11 @@ def read_kept_rows(study: Study, folder: pathlib.Path) -> Kept:
 def means_of(rows: list[Row]) -> np.ndarray:
     """Mean J of each run, [seeds] f64."""
     return np.array([row.mean for row in rows])
+
+
+def half_width(values: np.ndarray) -> float:
+    """Of the 95 % interval of the mean of [n] values (Student t)."""
+    return student_interval(values)[1] - float(values.mean())
 
 
 def share_text(score: float, reference: Reference | None) -> str:
@@ -176,7 +178,7 @@ def cell_text(rows: list[Row], reference: Reference | None) -> str:
     if 2 * sum(row.beats_random for row in rows) > len(rows):
         text = f"**{text}**"
     if len(means) > 1:
-        text += f" ± {rounded((student_interval(means)[1] - means.mean()), 2)}"
+        text += f" ± {rounded(half_width(means), 2)}"
     text += "†" * any(row.stale for row in rows)
     share = share_text(float(means.mean()), reference)
     return text + (f"<br>{share}" if share else "")
@@ -308,8 +310,7 @@ def p_text(p: float) -> str:
 
 
 def score_text(scores: np.ndarray) -> str:
-    half = stats.t.ppf(0.975, len(scores) - 1) * scores.std(ddof=1) / math.sqrt(len(scores))
-    return f"{rounded(float(scores.mean()))} ± {rounded(float(half), 2)}"
+    return f"{rounded(float(scores.mean()))} ± {rounded(half_width(scores), 2)}"
 
 
 def save_picture(figure, path: pathlib.Path) -> pathlib.Path:
@@ -319,7 +320,7 @@ def save_picture(figure, path: pathlib.Path) -> pathlib.Path:
 
 
 def machine_of(row: Row) -> str:
-    processor = str(row.result.get("processor", ""))
+    processor = str(row.run.result.get("processor", ""))
     return processor + " with a GPU" * (bool(processor) and str(row.run.settings.get("device", "")).startswith("cuda"))
 
 
@@ -329,7 +330,7 @@ def joined(words) -> str:
 
 def origin_of(rows: list[Row]) -> str:
     """When and where."""
-    dates = sorted(str(row.result.get("date", ""))[:10] for row in rows)
+    dates = sorted(str(row.run.result.get("date", ""))[:10] for row in rows)
     machines = sorted({machine_of(row) for row in rows} - {""})
     return (f"{dates[0]} to {dates[-1]}; " if rows else "") + joined(machines)
 
@@ -339,7 +340,7 @@ def each_run(kept: Kept) -> str:
     head = "run,scenario,algorithm,seed,env_frames,minutes,J,J_ci95,J_greedy,return,p,date,commit,machine,checkpoint_hash,stale"
     rows = []
     for row in sorted(kept.rows, key=lambda row: (row.run.scenario, ALGORITHMS.index(row.run.algo), row.run.seed)):
-        of = row.result.get
+        of = row.run.result.get
         rows.append(
             [row.run.name, row.run.scenario, row.run.algo, row.run.seed, f"{row.env_frames:.0f}"]
             + [rounded(float(of("train_s") or math.nan) / 60, 3), rounded(row.mean), rounded(float(of("J_ci95") or 0), 3)]
@@ -362,7 +363,7 @@ def scenario_section(scenario: str, rows: list[Row], random: np.ndarray | None, 
                 str(row.run.settings.get("precision", "")),
                 score_text(row.scores),
                 p_text(row.p_score),
-                rounded(float(row.result.get("train_s") or math.nan) / 60, 2),
+                rounded(float(row.run.result.get("train_s") or math.nan) / 60, 2),
                 "learned" if row.beats_random else "not learned",
             ]
         )

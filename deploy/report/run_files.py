@@ -13,7 +13,7 @@ import re
 
 import numpy as np
 
-from report_lines import LINE_BYTES_MAX, number, one_line, parse_json, read_reports, read_settings, read_text
+from report_lines import LINE_BYTES_MAX, number, one_line, parse_json, read_object, read_reports, read_settings, read_text
 
 SCORE = "policy_stats/avg_true_objective"
 CURVE, RESULT = "curve.csv", "result.json"  # of a kept result
@@ -78,13 +78,15 @@ class Metrics:
 
 @dataclasses.dataclass
 class Run:
-    """One run folder. `settings` is its config.toml; `status` its status.json, empty where there is none."""
+    """One run folder. `settings` is its config.toml; `status` its status.json, empty where there is none; `result` a kept
+    result's result.json, else empty."""
 
     folder: pathlib.Path
     settings: dict
     metrics: Metrics
     status: dict = dataclasses.field(default_factory=dict)
     problems: list[str] = dataclasses.field(default_factory=list)
+    result: dict = dataclasses.field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -194,12 +196,11 @@ def read_kept(folder: pathlib.Path) -> Run:
     """A kept result. Raises ValueError with a sentence."""
     settings = {"scenario_version": 1} | read_settings(folder)
     try:
-        result, metrics = parse_json(read_text(folder / RESULT)), read_curve(folder / CURVE)
+        result, metrics = read_object(folder / RESULT), read_curve(folder / CURVE)
     except OSError as error:
         raise ValueError(one_line(str(error))) from error
-    if not isinstance(result, dict):
-        raise ValueError(f"{RESULT} holds no object")
-    return Run(folder, settings, metrics, {"state": "finished", "env_frames": number(result.get("env_frames"))})
+    status = {"state": "finished", "env_frames": number(result.get("env_frames"))}
+    return Run(folder, settings, metrics, status, result=result)
 
 
 def read_run(folder: pathlib.Path) -> Run:

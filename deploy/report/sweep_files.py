@@ -7,7 +7,7 @@ before it made its folder, or was never started, is in no other place.
 import pathlib
 import tomllib
 
-from run_files import Metrics, Run, one_line, parse_json, read_run, read_text
+from run_files import Metrics, Run, one_line, read_object, read_run
 
 PATTERNS = ("sweep.json", "*/sweep.json")  # of a sweep's folder, and of a folder with sweeps
 
@@ -18,14 +18,6 @@ def typed(text: str):
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
-
-
-def read_object(path: pathlib.Path) -> dict:
-    """Raises OSError, and ValueError with a sentence."""
-    found = parse_json(read_text(path))
-    if not isinstance(found, dict):
-        raise ValueError(f"{path.name} holds no object")
-    return found
 
 
 def object_or_empty(path: pathlib.Path) -> dict:

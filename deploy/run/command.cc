@@ -24,6 +24,17 @@ int print_settings_help(const std::string& command, const CommandLine& line) {
   return kExitDone;
 }
 
+int run_command(const std::string& command, CommandLine& line, Arguments arguments,
+                const std::function<Expected<int>()>& work) {
+  if (const Status parsed = line.parse(arguments); !parsed) return report_error(command, parsed.error());
+  if (line.help_requested()) {
+    std::fputs(line.help().c_str(), stdout);
+    return kExitDone;
+  }
+  const Expected<int> done = work();
+  return done ? *done : report_error(command, done.error());
+}
+
 int report_error(const std::string& command, const Error& error) {
   std::fprintf(stderr, "comrad %s: error: %s\n", command.c_str(), error.message.c_str());
   return exit_code(error);

@@ -2,6 +2,7 @@
 // returns an exit code: see core/process.h.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -55,6 +56,10 @@ int test_command(Arguments arguments);
 /// What `comrad help <command>` prints for a command with the settings of a run: those that people change first, with --all
 /// every one, with the values that hold for the settings among the arguments. Returns the exit code.
 int print_settings_help(const std::string& command, const CommandLine& line);
+
+/// Parses the arguments and does `work`, which returns the exit code; prints the help where it is requested, and what failed.
+int run_command(const std::string& command, CommandLine& line, Arguments arguments,
+                const std::function<Expected<int>()>& work);
 
 /// Prints "comrad <command>: error: <message>" to stderr and returns the exit code of the error's kind.
 int report_error(const std::string& command, const Error& error);

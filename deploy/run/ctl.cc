@@ -168,16 +168,11 @@ int ctl_command(Arguments arguments) {
   line.add_option("timeout", request.timeout_s, "SECONDS",
                   "how long checkpoint, drain and stop wait (default 60)");
   line.add_switch("json", request.as_json, "print one JSON object");
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("ctl", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  if (names.size() > 1)
-    return report_error("ctl", {ErrorCode::kBadInput, "'" + names[1] + "' is an unexpected argument"});
-  if (!names.empty()) request.name = names[0];
-  const Expected<int> done = obey(request);
-  return done ? *done : report_error("ctl", done.error());
+  return run_command("ctl", line, arguments, [&]() -> Expected<int> {
+    if (names.size() > 1) return Error{ErrorCode::kBadInput, "'" + names[1] + "' is an unexpected argument"};
+    if (!names.empty()) request.name = names[0];
+    return obey(request);
+  });
 }
 
 }  // namespace comrad::deploy

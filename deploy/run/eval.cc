@@ -222,14 +222,17 @@ void print_results(const EvaluationRequest& request, const std::vector<PlayedTea
   }
 }
 
+/// Whether a team's networks take their most likely actions; false for a team without one.
+bool plays_greedily(const EvaluationRequest& request, const EvaluationGame& game, const Team& team) {
+  return request.greedy && !request.stochastic &&
+         std::ranges::any_of(team.players,
+                             [&game](const std::string& name) { return game.player(name).is_network(); });
+}
+
 /// Plays for a page until that is closed. Episodes that are to be kept are written as each one ends.
 Expected<int> show(const EvaluationRequest& request, const OutputFiles& files, const EvaluationGame& game) {
   const Team& team = game.teams.front();
-  const bool is_greedy = request.greedy && !request.stochastic &&
-                         std::ranges::any_of(team.players, [&game](const std::string& name) {
-                           return game.player(name).is_network();
-                         });
-  COMRAD_TRY_ASSIGN(LaunchPlan plan, plan_of(game, team, is_greedy));
+  COMRAD_TRY_ASSIGN(LaunchPlan plan, plan_of(game, team, plays_greedily(request, game, team)));
   plan.page.socket = request.page;
   plan.page.size = request.page_size;
   plan.page.pictures_per_s = request.pictures_per_s;
@@ -279,16 +282,11 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
                     prepare_game(request, line, files.recording.is_wanted() || !request.page.empty()));
   if (!request.page.empty()) return show(request, files, game);
 
-  const auto plays_greedily = [&](const Team& team) {
-    return request.greedy && !request.stochastic &&
-           std::ranges::any_of(team.players,
-                               [&game](const std::string& name) { return game.player(name).is_network(); });
-  };
   std::vector<PlayedTeam> played;
   LaunchPlan plan;
   HalfWrittenVideo video(files.recording.video);
   for (const Team& team : game.teams) {
-    COMRAD_TRY_ASSIGN(plan, plan_of(game, team, plays_greedily(team)));
+    COMRAD_TRY_ASSIGN(plan, plan_of(game, team, plays_greedily(request, game, team)));
     plan.recording = files.recording;
     plan.recording.video = video.name();
     plan.recording.finished_video = video.finished_name();
@@ -307,7 +305,7 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
   const ScoreScale scale = scale_of(game, played);
   std::vector<Json> summaries, rows;
   for (const PlayedTeam& one : played) {
-    summaries.push_back(summarise(game, one, scale, plays_greedily(*one.team), request.each));
+    summaries.push_back(summarise(game, one, scale, plays_greedily(request, game, *one.team), request.each));
     for (Json& row : episode_rows(game, one, scale)) rows.push_back(std::move(row));
   }
   if (!files.recording.video.empty()) summaries.front()["video"] = files.recording.video;
@@ -405,13 +403,7 @@ int eval_command(Arguments arguments) {
   line.add_switch("csv", request.csv,
                   "print a header and a row a policy (a row a cell of --cross_play) instead");
   line.add_settings(SettingsListed::kUsedByEval);
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("eval", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = evaluate(request, line);
-  return done ? *done : report_error("eval", done.error());
+  return run_command("eval", line, arguments, [&] { return evaluate(request, line); });
 }
 
 }  // namespace comrad::deploy

@@ -15,6 +15,7 @@
 
 #include "deploy/process/reply_server.h"
 #include "deploy/settings/existing_run.h"
+#include "rollout_buffer/core/abstract_address.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/host_name.h"

@@ -97,18 +97,6 @@ struct Looking {
   CommandLine line;
 };
 
-/// Parses, then does `work`; prints help or errors.
-template <typename Work>
-int parsed(CommandLine& line, Arguments arguments, Work&& work) {
-  if (const Status status = line.parse(arguments); !status) return report_error("sweep", status.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = work();
-  return done ? *done : report_error("sweep", done.error());
-}
-
 /// What Slurm reports; a warning where it gives no answer.
 QueuedElements ask_queue(const SweepFolder& folder) {
   const Expected<QueuedElements> queued = queued_elements(folder);
@@ -128,7 +116,7 @@ int status_command(Arguments arguments) {
   bool watch = false, json = false;
   look.line.add_switch("watch", watch, "show it again every two seconds until nothing runs");
   look.line.add_switch("json", json, "print one JSON object on stdout and nothing else");
-  return parsed(look.line, arguments, [&]() -> Expected<int> {
+  return run_command("sweep", look.line, arguments, [&]() -> Expected<int> {
     while (true) {
       COMRAD_TRY_ASSIGN(const Found found, find_sweep(look.name, look.train_dir));
       const std::vector<RunView> views = found.folder.look(ask_queue(found.folder));
@@ -152,7 +140,7 @@ int stop_command(Arguments arguments) {
   Looking look(
       "sweep stop NAME",
       "Ends a sweep: its runs save a checkpoint and stop. The same `comrad sweep FILE` continues later.");
-  return parsed(look.line, arguments, [&]() -> Expected<int> {
+  return run_command("sweep", look.line, arguments, [&]() -> Expected<int> {
     COMRAD_TRY_ASSIGN(const Found found, find_sweep(look.name, look.train_dir));
     const auto signal_runs = [&] {
       bool any = false;
@@ -202,7 +190,7 @@ int logs_command(Arguments arguments) {
                "was started.");
   double lines = 0;
   look.line.add_option("lines", lines, "N", "how many lines (default 40 of a run, 5 of each run of a sweep)");
-  return parsed(look.line, arguments, [&]() -> Expected<int> {
+  return run_command("sweep", look.line, arguments, [&]() -> Expected<int> {
     COMRAD_TRY_ASSIGN(const Found found, find_sweep(look.name, look.train_dir));
     if (!look.line.was_typed("lines")) lines = found.run.empty() ? 5 : 40;
     if (!(lines >= 1)) return Error{ErrorCode::kBadInput, "--lines must be at least 1"};
@@ -228,7 +216,7 @@ int element_command(Arguments arguments) {
   line.add_positional("FOLDER", path, "the sweep's folder");
   line.add_positional("RUN", name, "the run's name");
   line.add_option("cpus", cpus, "LIST", "pin it to these cores, separated by commas");
-  return parsed(line, arguments, [&]() -> Expected<int> {
+  return run_command("sweep", line, arguments, [&]() -> Expected<int> {
     COMRAD_TRY_ASSIGN(const SweepFolder folder, SweepFolder::open(path));
     const SweepRun* run = folder.find(name);
     if (run == nullptr) return Error{ErrorCode::kNotFound, path + " has no run " + name};
@@ -275,7 +263,7 @@ int start_command(Arguments arguments) {
       "estimate", estimate,
       "measure the rate of every algorithm on this machine and print the hours of the sweep; start nothing");
   line.add_option("seconds", seconds, "S", "with --estimate: how long each is measured (default 10)");
-  return parsed(line, arguments, [&]() -> Expected<int> {
+  return run_command("sweep", line, arguments, [&]() -> Expected<int> {
     COMRAD_TRY_ASSIGN(SweepFile file, read_sweep_file(path));
     if (estimate && file.resources.cores > usable_cores()) {
       std::fprintf(stderr,

@@ -190,14 +190,10 @@ int top_command(Arguments arguments) {
                   "remote: how long to wait for the run's first report (default 10)");
   line.add_switch("once", request.once, "look once");
   line.add_switch("json", request.as_json, "print JSON");
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("top", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  if (!interface.empty()) request.remote.hosts.interface = interface;
-  const Expected<int> done = watch(request);
-  return done ? *done : report_error("top", done.error());
+  return run_command("top", line, arguments, [&] {
+    if (!interface.empty()) request.remote.hosts.interface = interface;
+    return watch(request);
+  });
 }
 
 }  // namespace comrad::deploy

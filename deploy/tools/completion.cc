@@ -91,15 +91,11 @@ int completion_command(Arguments arguments) {
       "For this shell:\n  source <(comrad completion bash)\nzsh reads it after\n"
       "  autoload -U compinit bashcompinit && compinit && bashcompinit");
   line.add_positional("SHELL", shell, kShell);
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("completion", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
+  return run_command("completion", line, arguments, [&]() -> Expected<int> {
+    COMRAD_TRY_ASSIGN(const std::string script, script_for(shell));
+    std::fputs(script.c_str(), stdout);
     return kExitDone;
-  }
-  const Expected<std::string> script = script_for(shell);
-  if (!script) return report_error("completion", script.error());
-  std::fputs(script->c_str(), stdout);
-  return kExitDone;
+  });
 }
 
 }  // namespace comrad::deploy

@@ -56,13 +56,10 @@ int docs_command(Arguments arguments) {
   line.add_switch(
       "update", options.update,
       "write the parts of the pages in this checkout that the program writes: metrics, layout parameters");
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("docs", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<std::vector<std::string>> words = docs_words(options);
-  return report_error("docs", words ? replace_process(*words) : words.error());
+  return run_command("docs", line, arguments, [&]() -> Expected<int> {
+    COMRAD_TRY_ASSIGN(const std::vector<std::string> words, docs_words(options));
+    return replace_process(words);
+  });
 }
 
 }  // namespace comrad::deploy

@@ -88,13 +88,10 @@ int doctor_command(Arguments arguments) {
   line.add_option("interface", interface, "NAME", "network interface; default: the one that leads there");
   line.add_switch("insecure_network", config.hosts.insecure_network, "measure on a network without keys");
   line.add_switch("json", json, "print one JSON object on stdout and nothing else");
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("doctor", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  if (!interface.empty()) config.hosts.interface = interface;
-  return examine(json, hosts, config);
+  return run_command("doctor", line, arguments, [&]() -> Expected<int> {
+    if (!interface.empty()) config.hosts.interface = interface;
+    return examine(json, hosts, config);
+  });
 }
 
 }  // namespace comrad::deploy

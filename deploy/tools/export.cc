@@ -86,13 +86,7 @@ int export_command(Arguments arguments) {
   line.add_option("wandb", options.wandb, "FOLDER", "where wandb makes its folder wandb/");
   line.add_option("project", options.project, "NAME", "project of the W&B runs (default comrad)");
   line.add_option("train_dir", options.train_dir, "DIR", "folder that holds the runs (default train_dir)");
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("export", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = export_runs(options);
-  return done ? *done : report_error("export", done.error());
+  return run_command("export", line, arguments, [&] { return export_runs(options); });
 }
 
 }  // namespace comrad::deploy

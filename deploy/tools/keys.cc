@@ -97,13 +97,10 @@ int keys_command(Arguments arguments) {
   line.add_positional("FOLDER", options.folder, "folder of the keys; show also takes one identity's folder");
   line.add_option("hosts", options.hosts, "NAMES", "hosts that may join; names are for people alone");
   line.add_option("days", options.days, "N", "how long they hold (default 365)");
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("keys", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
+  return run_command("keys", line, arguments, [&]() -> Expected<int> {
+    COMRAD_TRY(run(options));
     return kExitDone;
-  }
-  const Status done = run(options);
-  return done ? kExitDone : report_error("keys", done.error());
+  });
 }
 
 }  // namespace comrad::deploy

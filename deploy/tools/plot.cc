@@ -116,13 +116,7 @@ int plot_command(Arguments arguments) {
   line.add_option("train_dir", options.train_dir, "DIR", "folder that holds the runs (default train_dir)");
   std::vector<std::string> words(arguments.begin(), arguments.end());
   std::ranges::replace(words, std::string("-o"), std::string("--output"));
-  if (const Status parsed = line.parse(words); !parsed) return report_error("plot", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = plot(options);
-  return done ? *done : report_error("plot", done.error());
+  return run_command("plot", line, words, [&] { return plot(options); });
 }
 
 }  // namespace comrad::deploy

@@ -94,13 +94,7 @@ int play_command(Arguments arguments) {
   line.add_option("save", request.save, "DIR", "keep the episodes in this new folder");
   request.page.add_to(line);
   line.add_settings(SettingsListed::kUsedByEval);
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("play", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = play(request, line);
-  return done ? *done : report_error("play", done.error());
+  return run_command("play", line, arguments, [&] { return play(request, line); });
 }
 
 }  // namespace comrad::deploy

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "deploy/process/reply_server.h"
+#include "rollout_buffer/core/abstract_address.h"
 #include "rollout_buffer/core/clock.h"
-#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/schema/watch_message.h"
 
 namespace comrad::deploy {
@@ -29,7 +29,7 @@ std::string without_program(const std::string& line) {
 
 Session::~Session() {
   leave();
-  const double deadline_s = monotonic_s() + kEndS * patience();
+  const double deadline_s = monotonic_s() + kEndS;
   for (ChildProcess& process : leaving_)
     while (!process.poll_exit() && monotonic_s() < deadline_s) {
       process.read_lines();
@@ -71,8 +71,7 @@ Status Session::start(const std::string& program, std::vector<std::string> argum
 
 void Session::accept() {
   Descriptor client(accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-  if (!client.is_open() || link_.is_open() || peer_of(client.get()).user != static_cast<int64_t>(geteuid()))
-    return;
+  if (!client.is_open() || link_.is_open() || !is_same_user(client.get())) return;
   link_ = std::move(client);
   server_.listen_to(link_.get(), [this] { read(); });
   state_ = State::kPlaying;

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
-#include <filesystem>
 #include <utility>
 
+#include "deploy/evaluation/player.h"
 #include "deploy/process/child_program.h"
 #include "deploy/run/command.h"
 #include "deploy/run/run_client.h"
@@ -22,10 +22,6 @@
 namespace comrad::deploy {
 namespace {
 
-namespace fs = std::filesystem;
-
-constexpr const char* kTakesNoRun[] = {"oracle", "random", "noop"};
-
 struct WatchRequest {
   std::vector<std::string> runs, policies, seats;
   std::string checkpoint;
@@ -33,15 +29,11 @@ struct WatchRequest {
   PageFlags page;
 };
 
-bool is_a_run(const std::string& player) {
-  return std::ranges::find(kTakesNoRun, player) == std::end(kTakesNoRun);
-}
+bool is_a_run(const std::string& player) { return !player_without_run(player); }
 
 bool holds_episodes(const std::string& folder) {
-  std::error_code failed;
-  for (const auto& entry : fs::directory_iterator(folder, failed))
-    if (entry.path().extension() == ".comrad") return true;
-  return false;
+  const Expected<std::vector<std::string>> episodes = files_with_extension(folder, ".comrad");
+  return episodes && !episodes->empty();
 }
 
 /// A run that trains has its first checkpoint after a while. Errors: kNotFound where it does not train either.
@@ -72,7 +64,6 @@ std::vector<std::string> game_of(const std::string& run_dir) {
 Expected<int> watch(WatchRequest& request, const CommandLine& line) {
   LivePageOptions options{.command = "watch"};
   COMRAD_TRY(request.page.check(options));
-  const std::vector<std::string> view = {"--page_size", request.page.size};
   const std::string folder = request.runs.empty() ? "" : request.runs.front();
   if (!folder.empty() && holds_episodes(folder)) {
     if (request.runs.size() > 1 || !request.policies.empty() || !request.seats.empty())
@@ -124,7 +115,7 @@ Expected<int> watch(WatchRequest& request, const CommandLine& line) {
     add(settings);
     if (!choice.seed.empty()) add({"--seed=" + choice.seed});
     if (!choice.layout_seed.empty()) add({"--layout_seed=" + choice.layout_seed});
-    add(view);
+    add({"--page_size", request.page.size});
     return {sibling_program("comrad"), std::move(arguments)};
   };
   COMRAD_TRY(serve_live_page(options));
@@ -154,13 +145,7 @@ int watch_command(Arguments arguments) {
   line.add_switch("stochastic", request.stochastic, "draw actions from the policy, as training does");
   request.page.add_to(line);
   line.add_settings(SettingsListed::kUsedByEval);
-  if (const Status parsed = line.parse(arguments); !parsed) return report_error("watch", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = watch(request, line);
-  return done ? *done : report_error("watch", done.error());
+  return run_command("watch", line, arguments, [&] { return watch(request, line); });
 }
 
 }  // namespace comrad::deploy

@@ -139,23 +139,24 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
   if (!is_finite) return outcome;
   double& steps = *state_->steps.data_ptr<double>();
   steps += 1;
-  const auto numbers_of = [&](std::size_t parameter) {
+  std::vector<policy::kernels::AdamStep> numbers;  // of each of `indices`
+  for (const std::size_t parameter : indices) {
     const double since = steps - state_->steps_before.data_ptr<double>()[parameter];
-    return policy::kernels::AdamStep{
-        .gradient_scale = static_cast<float>(limit > 0 ? std::min(1.0, limit / (norm + 1e-6)) : 1.0),
-        .beta1 = static_cast<float>(settings.beta1),
-        .beta2 = static_cast<float>(settings.beta2),
-        .one_less_beta1 = static_cast<float>(1 - settings.beta1),
-        .one_less_beta2 = static_cast<float>(1 - settings.beta2),
-        .step_size = static_cast<float>(learning_rate / (1 - std::pow(settings.beta1, since))),
-        .root_scale = static_cast<float>(1 / std::sqrt(1 - std::pow(settings.beta2, since))),
-        .epsilon = static_cast<float>(settings.epsilon)};
-  };
+    numbers.push_back(
+        {.gradient_scale = static_cast<float>(limit > 0 ? std::min(1.0, limit / (norm + 1e-6)) : 1.0),
+         .beta1 = static_cast<float>(settings.beta1),
+         .beta2 = static_cast<float>(settings.beta2),
+         .one_less_beta1 = static_cast<float>(1 - settings.beta1),
+         .one_less_beta2 = static_cast<float>(1 - settings.beta2),
+         .step_size = static_cast<float>(learning_rate / (1 - std::pow(settings.beta1, since))),
+         .root_scale = static_cast<float>(1 / std::sqrt(1 - std::pow(settings.beta2, since))),
+         .epsilon = static_cast<float>(settings.epsilon)});
+  }
   device::share_out(pieces.size(), [&](std::size_t k) {
     const device::Piece& piece = pieces[k];
     const std::size_t i = indices[piece.tensor];
     policy::kernels::adam_step(
-        numbers_of(i), piece.size(), gradients[piece.tensor].data_ptr<float>() + piece.begin,
+        numbers[piece.tensor], piece.size(), gradients[piece.tensor].data_ptr<float>() + piece.begin,
         state_->mean[i].data_ptr<float>() + piece.begin, state_->square[i].data_ptr<float>() + piece.begin,
         state_->parameters[i].data_ptr<float>() + piece.begin);
   });

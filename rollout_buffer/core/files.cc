@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -13,6 +14,8 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+
+#include "rollout_buffer/core/descriptor.h"
 
 namespace comrad {
 
@@ -52,20 +55,16 @@ std::optional<std::string> read_file(const std::string& path) {
 }
 
 Expected<std::string> read_short_file(const std::string& path, std::size_t max_bytes) {
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0) return file_error("cannot read " + path, errno);
-  struct Closer {
-    int file;
-    ~Closer() { close(file); }
-  } const closer{file};
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file.is_open()) return file_error("cannot read " + path, errno);
   struct stat kind {};
-  if (fstat(file, &kind) != 0) return file_error("cannot read " + path, errno);
+  if (fstat(file.get(), &kind) != 0) return file_error("cannot read " + path, errno);
   if (!S_ISREG(kind.st_mode) && !S_ISFIFO(kind.st_mode))
     return Error{ErrorCode::kBadFormat, path + ": is no file"};
   std::string bytes;
   char block[65536];
   while (bytes.size() <= max_bytes) {
-    const ssize_t count = ::read(file, block, sizeof block);
+    const ssize_t count = ::read(file.get(), block, sizeof block);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) return file_error("cannot read " + path, errno);
     if (count == 0) return bytes;
@@ -102,6 +101,17 @@ Status write_file_atomically(const std::string& path, std::string_view bytes, bo
     return written;
   }
   return durable ? sync_folder(folder) : Status();
+}
+
+Expected<std::vector<std::string>> files_with_extension(const std::string& folder,
+                                                        std::string_view extension) {
+  std::vector<std::string> paths;
+  std::error_code failed;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, failed))
+    if (entry.path().extension() == extension) paths.push_back(entry.path().string());
+  if (failed) return file_error(folder, failed.value());
+  std::ranges::sort(paths);
+  return paths;
 }
 
 std::string data_dir() {

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rollout_buffer/core/expected.h"
 
@@ -35,6 +36,10 @@ constexpr std::string_view kHalfWrittenMark = ".tmp-";
 /// what lay there before is untouched by a failure. Durable: on the disk when this returns, not only in its
 /// cache. Errors: as file_error.
 Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable);
+
+/// Paths in a folder whose names have this extension (".wad"), sorted. Errors: as file_error.
+Expected<std::vector<std::string>> files_with_extension(const std::string& folder,
+                                                        std::string_view extension);
 
 /// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else <prefix>/share/comrad where this
 /// program is <prefix>/libexec/comrad/<name> (it was installed), else the source folder of the build.

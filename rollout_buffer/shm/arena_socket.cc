@@ -30,29 +30,6 @@ struct JoinReply {
   char error[160] = {};
 };
 
-/// A descriptor that closes itself.
-class Handle {
- public:
-  explicit Handle(int descriptor) : descriptor_(descriptor) {}
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-  ~Handle() {
-    if (descriptor_ >= 0) close(descriptor_);
-  }
-  int get() const { return descriptor_; }
-  int release() { return std::exchange(descriptor_, -1); }
-
- private:
-  int descriptor_;
-};
-
-bool is_same_user(int descriptor) {
-  ucred peer{};
-  socklen_t size = sizeof peer;
-  return getsockopt(descriptor, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && size == sizeof peer &&
-         peer.uid == geteuid();
-}
-
 /// Waits until `descriptor` can be read. False after `timeout_ms`.
 bool await_readable(int descriptor, int64_t timeout_ms) {
   const int64_t deadline_ns = monotonic_ns() + timeout_ms * 1'000'000;
@@ -114,7 +91,7 @@ Expected<int> receive_arena(int descriptor, const std::string& name) {
       }
     }
   }
-  Handle arena(received);
+  Descriptor arena(received);
   if (size == 0)
     return Error{ErrorCode::kPeerLost, "joining run " + name + ": the run closed the connection"};
   if (size != static_cast<ssize_t>(sizeof reply) || reply.magic != kArenaMagic)
@@ -133,34 +110,24 @@ Expected<ArenaServer> ArenaServer::listen(const std::string& name, const Arena& 
   COMRAD_TRY_ASSIGN(const AbstractAddress address, abstract_address(name));
   ArenaServer server;
   server.name_ = name;
-  server.descriptor_ = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (server.descriptor_ < 0) return system_error("socket " + name);
-  if (bind(server.descriptor_, reinterpret_cast<const sockaddr*>(&address.bytes), address.length) != 0) {
+  server.socket_ = Descriptor(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!server.socket_.is_open()) return system_error("socket " + name);
+  if (bind(server.socket_.get(), reinterpret_cast<const sockaddr*>(&address.bytes), address.length) != 0) {
     if (errno != EADDRINUSE) return system_error("socket " + name);
     return Error{ErrorCode::kSystem,
                  "socket " + name +
                      ": the name is taken; another run of this name is alive on this host, stop it first"};
   }
-  if (::listen(server.descriptor_, 256) != 0) return system_error("socket " + name);
-  server.arena_descriptor_ = fcntl(arena.descriptor(), F_DUPFD_CLOEXEC, 0);
-  if (server.arena_descriptor_ < 0) return system_error("socket " + name + ", keeping the arena");
+  if (::listen(server.socket_.get(), 256) != 0) return system_error("socket " + name);
+  server.arena_ = Descriptor(fcntl(arena.descriptor(), F_DUPFD_CLOEXEC, 0));
+  if (!server.arena_.is_open()) return system_error("socket " + name + ", keeping the arena");
   return server;
 }
 
-ArenaServer::ArenaServer(ArenaServer&& other) noexcept
-    : name_(std::move(other.name_)),
-      descriptor_(std::exchange(other.descriptor_, -1)),
-      arena_descriptor_(std::exchange(other.arena_descriptor_, -1)) {}
-
-ArenaServer::~ArenaServer() {
-  if (descriptor_ >= 0) close(descriptor_);
-  if (arena_descriptor_ >= 0) close(arena_descriptor_);
-}
-
 Expected<JoinRequest> ArenaServer::serve_one() {
-  if (!await_readable(descriptor_, kServeTimeoutMs))
+  if (!await_readable(socket_.get(), kServeTimeoutMs))
     return Error{ErrorCode::kTimeout, "no process joined " + name_};
-  const Handle peer(accept4(descriptor_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+  const Descriptor peer(accept4(socket_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
   if (peer.get() < 0) {
     if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED)
       return Error{ErrorCode::kTimeout, "no process joined " + name_};
@@ -184,7 +151,7 @@ Expected<JoinRequest> ArenaServer::serve_one() {
     return refuse(fmt::format("its arena version is {}, the run's is {}; start all programs from one build",
                               request.arena_version, kArenaVersion));
   request.role[sizeof request.role - 1] = '\0';
-  COMRAD_TRY(send_reply(peer.get(), "", arena_descriptor_));
+  COMRAD_TRY(send_reply(peer.get(), "", arena_.get()));
   return request;
 }
 
@@ -192,7 +159,7 @@ Expected<Arena> join_arena(const std::string& name, const JoinRequest& request, 
   COMRAD_TRY_ASSIGN(const AbstractAddress address, abstract_address(name));
   const int64_t deadline_ns = monotonic_ns() + int64_t{timeout_ms} * 1'000'000;
   for (;;) {
-    const Handle peer(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    const Descriptor peer(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (peer.get() < 0) return system_error("socket for run " + name);
     if (connect(peer.get(), reinterpret_cast<const sockaddr*>(&address.bytes), address.length) != 0) {
       if (errno != ECONNREFUSED && errno != EAGAIN && errno != EINTR)

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 
+#include "rollout_buffer/core/descriptor.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -26,10 +27,8 @@ class ArenaServer {
  public:
   /// Errors: kSystem when the name is taken (another run of the same name on this host).
   static Expected<ArenaServer> listen(const std::string& name, const Arena& arena);
-  ArenaServer(ArenaServer&&) noexcept;
-  ~ArenaServer();
 
-  int descriptor() const { return descriptor_; }
+  int descriptor() const { return socket_.get(); }
   const std::string& name() const { return name_; }
   /// Accepts one peer, checks that it runs as the same user, hands the arena over. Bounded wait of 1 s on a
   /// peer that connects and stays silent. Errors: kBadInput (wrong user, magic or version), kTimeout,
@@ -39,8 +38,7 @@ class ArenaServer {
  private:
   ArenaServer() = default;
   std::string name_;
-  int descriptor_ = -1;
-  int arena_descriptor_ = -1;
+  Descriptor socket_, arena_;
 };
 
 /// Joins the run that listens on `name`. Retries until `timeout_ms` while no process listens yet.

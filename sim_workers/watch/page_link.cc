@@ -2,7 +2,6 @@
 
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -20,26 +19,13 @@ constexpr std::size_t kWaitingBytesMax = 32 << 20;
 
 Expected<PageLink> PageLink::connect(const std::string& name) {
   COMRAD_TRY_ASSIGN(const AbstractAddress address, abstract_address(name));
-  PageLink link(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  if (link.socket_ < 0 ||
-      ::connect(link.socket_, reinterpret_cast<const sockaddr*>(&address.bytes), address.length) != 0)
+  Descriptor socket(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (!socket.is_open() ||
+      ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address.bytes), address.length) != 0)
     return Error{ErrorCode::kNotFound,
                  "no process listens on " + name + "; comrad watch or comrad play starts this program"};
-  ucred peer{};
-  socklen_t size = sizeof peer;
-  if (getsockopt(link.socket_, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 || peer.uid != geteuid())
-    return Error{ErrorCode::kBadInput, name + " belongs to another user"};
-  return link;
-}
-
-PageLink::PageLink(PageLink&& other) noexcept
-    : socket_(std::exchange(other.socket_, -1)),
-      is_closed_(other.is_closed_),
-      waiting_(std::move(other.waiting_)),
-      received_(std::move(other.received_)) {}
-
-PageLink::~PageLink() {
-  if (socket_ >= 0) close(socket_);
+  if (!is_same_user(socket.get())) return Error{ErrorCode::kBadInput, name + " belongs to another user"};
+  return PageLink(std::move(socket));
 }
 
 bool PageLink::takes_pictures() {
@@ -68,7 +54,7 @@ void PageLink::flush() {
   std::size_t sent = 0;
   while (!is_closed_ && sent < waiting_.size()) {
     const ssize_t size =
-        ::send(socket_, waiting_.data() + sent, waiting_.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+        ::send(socket_.get(), waiting_.data() + sent, waiting_.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
     if (size < 0 && errno == EINTR) continue;
     if (size < 0 && errno == EAGAIN) break;
     is_closed_ |= size < 0;
@@ -80,13 +66,13 @@ void PageLink::flush() {
 std::vector<nlohmann::json> PageLink::commands(int wait_ms) {
   std::vector<nlohmann::json> commands;
   flush();
-  pollfd one{.fd = socket_, .events = POLLIN, .revents = 0};
+  pollfd one{.fd = socket_.get(), .events = POLLIN, .revents = 0};
   if (!waiting_.empty()) one.events |= POLLOUT;
   if (is_closed_ || poll(&one, 1, wait_ms) <= 0) return commands;
   flush();
   char bytes[4096];
   for (;;) {
-    const ssize_t size = recv(socket_, bytes, sizeof bytes, MSG_DONTWAIT);
+    const ssize_t size = recv(socket_.get(), bytes, sizeof bytes, MSG_DONTWAIT);
     if (size < 0 && errno == EINTR) continue;
     if (size < 0 && errno == EAGAIN) break;
     if (size <= 0) {

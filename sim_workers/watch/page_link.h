@@ -5,8 +5,10 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include "rollout_buffer/core/descriptor.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/watch_message.h"
 
@@ -17,9 +19,6 @@ class PageLink {
  public:
   /// Connects to the abstract Unix socket of that name. Errors: kNotFound, and kBadInput where another user listens there.
   static Expected<PageLink> connect(const std::string& name);
-  PageLink(PageLink&& other) noexcept;
-  PageLink& operator=(PageLink&&) = delete;
-  ~PageLink();
 
   /// The other end has left, or read nothing for too long.
   bool is_closed() const { return is_closed_; }
@@ -31,11 +30,11 @@ class PageLink {
   std::vector<nlohmann::json> commands(int wait_ms);
 
  private:
-  explicit PageLink(int socket) : socket_(socket) {}
+  explicit PageLink(Descriptor socket) : socket_(std::move(socket)) {}
   void append(WatchKind kind, std::string_view payload);
   void flush();
 
-  int socket_;
+  Descriptor socket_;
   bool is_closed_ = false;
   std::string waiting_;   ///< to be sent
   std::string received_;  ///< of a command that is not whole yet

@@ -71,15 +71,10 @@ Expected<RecordedEpisode> read_recorded_episode(const std::string& path) {
 }
 
 Expected<std::vector<RecordedEpisode>> read_recorded_episodes(const std::string& folder) {
-  std::vector<std::string> paths;
-  std::error_code failed;
-  for (const auto& entry : fs::directory_iterator(folder, failed))
-    if (entry.path().extension() == ".comrad") paths.push_back(entry.path().string());
-  if (failed) return file_error(folder, failed.value());
+  COMRAD_TRY_ASSIGN(const std::vector<std::string> paths, files_with_extension(folder, ".comrad"));
   if (paths.empty())
     return Error{ErrorCode::kNotFound,
                  folder + ": no episodes (*.comrad); comrad eval --episodes_dir writes them"};
-  std::ranges::sort(paths);
   std::vector<RecordedEpisode> episodes;
   for (const std::string& path : paths) {
     COMRAD_TRY_ASSIGN(RecordedEpisode episode, read_recorded_episode(path));

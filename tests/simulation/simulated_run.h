@@ -60,7 +60,7 @@ class SimulatedFolder final : public deploy::EvaluationFolder {
   void remove(const deploy::Snapshot& snapshot) override;
   std::vector<uint64_t> recorded() override { return {}; }
   Status record(const deploy::Snapshot& snapshot, uint64_t decisions, const MetricValues& values) override;
-  Expected<deploy::Descriptor> open_scratch() override { return deploy::Descriptor(); }
+  Expected<Descriptor> open_scratch() override { return Descriptor(); }
   std::string scratch() const override { return "scratch"; }
   std::string result() override;
   void clear_scratch() override {}

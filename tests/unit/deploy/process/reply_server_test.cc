@@ -1,4 +1,5 @@
 #include "deploy/process/reply_server.h"
+#include "rollout_buffer/core/abstract_address.h"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
