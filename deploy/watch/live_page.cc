@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -118,6 +119,7 @@ class LivePage {
   void heard_picture(int agent, std::string_view jpeg);
   void start_game();
   void turn();
+  bool has_failed() const;
   void say_how_many();
   json session_words(int seat) const;
   json seen_by(int seat, const json& words) const;
@@ -171,21 +173,16 @@ Status LivePage::open() {
 
 void LivePage::print_addresses() const {
   const std::string host = options_.address == "0.0.0.0" ? "127.0.0.1" : options_.address;
+  const std::string page = "http://" + host + ":" + std::to_string(server_->port()) + "/?token=";
   for (std::size_t seat = 0; seat < tokens_.size(); ++seat) {
-    const std::string address =
-        "http://" + host + ":" + std::to_string(server_->port()) + "/?token=" + tokens_[seat];
-    if (tokens_.size() > 1)
-      std::printf("agent %d: %s\n", options_.seats[seat], address.c_str());
-    else
-      std::printf("%s\n", address.c_str());
+    if (tokens_.size() > 1) std::printf("agent %d: ", options_.seats[seat]);
+    std::printf("%s%s\n", page.c_str(), tokens_[seat].c_str());
   }
   std::fflush(stdout);
   const bool has_display = std::getenv("DISPLAY") != nullptr || std::getenv("WAYLAND_DISPLAY") != nullptr;
   if (!options_.opens_browser || !has_display) return;
   // setsid: the browser outlives us. Without xdg-open the printed address is there to be opened.
-  (void)!run_program({"setsid", "--fork", "xdg-open",
-                      "http://" + host + ":" + std::to_string(server_->port()) + "/?token=" + tokens_[0]},
-                     {.timeout_s = 5});
+  (void)!run_program({"setsid", "--fork", "xdg-open", page + tokens_[0]}, {.timeout_s = 5});
 }
 
 HttpReply LivePage::admit(SocketId id, const HttpRequest& request) {
@@ -258,7 +255,9 @@ json LivePage::seen_by(int seat, const json& words) const {
 void LivePage::heard_words(json words) {
   const std::string type = word_of(words, "type");
   if (type == "began") {
-    is_due_ = has_newer_;  // between two episodes, and not while the session reads
+    // Between two episodes, and not while the session reads. Each game plays one at least: where a start takes longer
+    // than the run's next checkpoint, nothing would be seen otherwise.
+    is_due_ = has_newer_ && began_.is_object();
     began_ = std::move(words);
     now_ = json();
     has_played_ = true;
@@ -330,6 +329,12 @@ void LivePage::turn() {
   if (session_->state() == Session::State::kEnded && monotonic_s() > retry_s_) start_game();
 }
 
+/// The first game did not start, and not because its checkpoint was pruned meanwhile: the next one is tried then.
+bool LivePage::has_failed() const {
+  if (session_->state() != Session::State::kEnded || has_played_) return false;
+  return !options_.reloads || std::filesystem::exists(checkpoint_);
+}
+
 Status LivePage::serve() {
   COMRAD_TRY(open());
   end_on_signals();
@@ -338,8 +343,7 @@ Status LivePage::serve() {
   while (has_ended == 0) {
     server_->wait(kTurnS);
     turn();
-    if (session_->state() == Session::State::kEnded && !has_played_)
-      return Error{ErrorCode::kBadInput, session_->last_words()};
+    if (has_failed()) return Error{ErrorCode::kBadInput, session_->last_words()};
   }
   return {};
 }

@@ -16,7 +16,7 @@
 namespace comrad::deploy {
 namespace {
 
-constexpr double kEndS = 10;  // that processes may take to end
+constexpr double kEndS = 200;  // that processes may take to end, which leave the cores to others
 constexpr int kAgentsMax = 8;
 
 /// "comrad eval: error: words" without what names the program.
