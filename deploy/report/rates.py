@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402 (the backend is chosen first)
 
 HOME = pathlib.Path(__file__).resolve().parents[2]
-OURS, OTHERS = ("#0072b2", "#3fa7e0"), "#d55e00"
+OURS, OTHERS = ("#9ecae9", "#3fa7e0", "#0072b2"), "#d55e00"  # more cores, darker
 BAD_INPUT = 2
 
 
@@ -36,9 +36,10 @@ def bars(axes, labels: list[str], values: list[float], colors: list[str]) -> Non
 def draw(rates: dict, folder: pathlib.Path) -> list[pathlib.Path]:
     """Both charts. Errors: KeyError, TypeError and ValueError where an entry lacks something."""
     rows = sorted((entry["cores"], rate, network) for entry in rates["pipeline"] for network, rate in entry["rates"].items())
-    figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
-    labels = [f"{network}, {cores} cores" for cores, _, network in rows]
-    bars(axes, labels, [rate for _, rate, _ in rows], [OURS[cores != rows[0][0]] for cores, _, _ in rows])
+    figure, axes = plt.subplots(figsize=(7, 0.4 + 0.26 * len(rows)), layout="constrained")
+    shades = dict(zip(sorted({cores for cores, _, _ in rows}), OURS, strict=False))
+    labels = [f"{network}, {cores} core{'s' * (cores > 1)}" for cores, _, network in rows]
+    bars(axes, labels, [rate for _, rate, _ in rows], [shades.get(cores, OURS[-1]) for cores, _, _ in rows])
     axes.set_xlabel("env frames/s, training IPPO on Co-op Health Gathering without a GPU")
     files = [folder / "pipeline.png", folder / "simulator.png"]
     figure.savefig(files[0], dpi=110)
@@ -46,8 +47,8 @@ def draw(rates: dict, folder: pathlib.Path) -> list[pathlib.Path]:
     rows = sorted((int(players), -rate, entry["name"]) for entry in rates["simulator"] for players, rate in entry["rates"].items())
     figure, axes = plt.subplots(figsize=(7, 2.2), layout="constrained")
     labels = [f"{name}, {players} player{'s' * (players > 1)}" for players, _, name in rows]
-    bars(axes, labels, [-rate for _, rate, _ in rows], [OURS[0] if "COMRAD" in name else OTHERS for _, _, name in rows])
-    axes.set_xlabel("decisions/s of all players (ViZDoom: one core for each)")
+    bars(axes, labels, [-rate for _, rate, _ in rows], [OURS[-1] if "COMRAD" in name else OTHERS for _, _, name in rows])
+    axes.set_xlabel("Stag Hunt, decisions/s of all players")
     figure.savefig(files[1], dpi=110)
     return files
 

@@ -225,7 +225,7 @@ Expected<ScenarioSpec> vizdoom_scenario(const VizdoomConfig& config) {
   spec.respawn = config.forced_respawn;
   spec.respawn_delay_tics = config.respawn_delay_tics;
   // What a file lists as available variables ViZDoom's agent is given; a health that no pixel shows decided whether
-  // health_gathering was learned (scenarios/VIZDOOM.md, "What learns").
+  // health_gathering was learned (scenarios/VIZDOOM_LEARNING.md).
   spec.training.origin = "ViZDoom's games";
   if (!spec.measurements.empty()) spec.training.values.emplace_back("small.all.use_additional_input", "true");
   spec.hud = config.hud, spec.crosshair = config.crosshair;

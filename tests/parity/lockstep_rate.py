@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Decisions per second that ViZDoom makes on one core, with two players in lock step or with one alone: the numbers
+"""Decisions per second that ViZDoom makes with one player alone or with up to eight in lock step: the numbers
 that `comrad bench sim` of the same scenario stands beside. One alone also measures the machine's speed.
 
-    taskset -c 0 lockstep_rate.py --wad FILE [--players 2] [--seconds S] [--frame_skip 4]
+    lockstep_rate.py --wad FILE [--players 2] [--seconds S] [--frame_skip 4]
 
 Each player is its own process, as in every ViZDoom multiplayer game; all press uniform random buttons, hold them
 for a decision and look at their 160x120 picture after it. A decision of one player counts as one. Alone, episodes begin
@@ -51,7 +51,7 @@ def play(player, players, wad, port, frame_skip, seconds, folder, answer):
         if players > 1 and game.is_player_dead():
             game.respawn_player()
         if game.is_episode_finished():
-            break  # both players leave a map together; one map is enough to measure
+            break  # all leave a map together; one map is enough to measure
         game.make_action([float(generator.random() < 0.3) for _ in BUTTONS], frame_skip)
         state = game.get_state()
         frame_bytes += 0 if state is None else state.screen_buffer.nbytes
@@ -63,7 +63,7 @@ def play(player, players, wad, port, frame_skip, seconds, folder, answer):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--wad", required=True)
-    parser.add_argument("--players", type=int, choices=(1, 2), default=2)
+    parser.add_argument("--players", type=int, choices=range(1, 9), default=2, metavar="1..8")
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--frame_skip", type=int, default=4)
     arguments = parser.parse_args()

@@ -1,4 +1,4 @@
-// Reads DECORATE lumps: new actors that inherit from known ones. A subset, listed in sim_workers/SUPPORTED.md;
+// Reads DECORATE lumps: new actors that inherit from known ones. A subset, listed in sim_workers/ACTORS_AND_SCRIPTS.md;
 // what it does not know is one warning that names it, what is broken is an error. Stage: loading.
 #pragma once
 
