@@ -138,7 +138,7 @@ class VictimRun : public ::testing::Test {
   std::unique_ptr<RunningProgram> training_;
 };
 
-TEST_F(VictimRun, ALearnerThatIsToldToStopHasNotFinishedTheRun) {
+TEST_F(VictimRun, ALearnerThatIsAskedToStopHasNotFinishedTheRun) {
   begin();
   const auto learner = processes_of(run_, "comrad-learner");
   ASSERT_EQ(learner.size(), 1u);
@@ -175,7 +175,7 @@ TEST(Attack, ATerminalThatStandsStillNeverStopsARun) {
   close(ends[0]);
 }
 
-TEST(Attack, ALastCheckpointThatCannotBeWrittenEndsTheRunOnceAndSaysWhatIsLost) {
+TEST(Attack, ALastCheckpointThatCannotBeWrittenEndsTheRunOnceAndReportsWhatIsLost) {
   const ScratchFolder scratch;
   const std::string run_dir = scratch / "run";
   RunningProgram training(small_training(scratch, "run", 1e9, {"--train_for_seconds", "10"}));

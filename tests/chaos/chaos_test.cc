@@ -312,7 +312,7 @@ TEST_F(Chaos, AFullOrReadOnlyDiskCostsCheckpointsAndNotTheRun) {
   expect_whole_checkpoints();
 }
 
-TEST_F(Chaos, ASlowDiskIsNamedAndTheRunGoesOn) {
+TEST_F(Chaos, ASlowDiskIsNamedAndTheRunContinues) {
   begin({}, {{"LD_PRELOAD", COMRAD_FAULT_SHIM}, {"COMRAD_FAULT_DISK_MS", "1500"}});
   ASSERT_TRUE(wait_until([&] { return !checkpoints().empty(); }));
   ASSERT_TRUE(trains_on(4096));

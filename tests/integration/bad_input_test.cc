@@ -72,7 +72,7 @@ TEST(BadInput, AnUnsupportedTeamSizeListsTheSupportedOnes) {
   EXPECT_THAT(ending.err, AllOf(HasSubstr("--num_agents=7"), HasSubstr("2")));
 }
 
-TEST(BadInput, AMissingIwadSaysHowToGetIt) {
+TEST(BadInput, AMissingIwadReportsHowToGetIt) {
   const ScratchFolder scratch;
   const Ending ending = refused(scratch, {}, {{"COMRAD_IWAD", "/nonexistent/freedoom2.wad"}});
   EXPECT_NE(ending.exit_code, 0);
@@ -172,7 +172,7 @@ TEST(BadInput, AMapOfOnesOwnIsCalledByItsOwnName) {
     EXPECT_THAT(said, AllOf(HasSubstr(own + ": TEXTMAP of MAP01"), Not(HasSubstr("/layouts/"))));
 }
 
-TEST(BadInput, TooLittleMemorySaysWhatLowersIt) {
+TEST(BadInput, TooLittleMemoryReportsWhatLowersIt) {
   const ScratchFolder scratch;
   const Ending ending = refused(scratch, {"--trajectory_slabs", "1000000"});
   EXPECT_EQ(ending.exit_code, kExitFailed);
@@ -209,7 +209,7 @@ TEST(BadInput, EvaluationNamesARunThatIsNotThere) {
   EXPECT_THAT(ending.err, HasSubstr("no_such_run"));
 }
 
-TEST(BadInput, AWorkerStartedByHandWithoutItsFlagsSaysWhatItNeeds) {
+TEST(BadInput, AWorkerStartedByHandWithoutItsFlagsReportsWhatItNeeds) {
   for (const char* worker : {"comrad-sim-worker", "comrad-policy-worker", "comrad-learner"}) {
     const Ending ending = RunningProgram({program(worker)}).wait();
     EXPECT_EQ(ending.exit_code, kExitBadInput) << worker;

@@ -110,7 +110,7 @@ TEST_F(SmallProject, ContinuousIntegrationSharesTheBuildAndAllowsNoWarning) {
   EXPECT_EQ(run({"version"}).err, "");
 }
 
-TEST_F(SmallProject, ASecondUserRunsTheFinishedBuildOrIsToldWhatToDo) {
+TEST_F(SmallProject, ASecondUserRunsTheFinishedBuildOrGetsAnInstruction) {
   if (geteuid() != 0 || !fs::exists("/usr/bin/setpriv"))
     GTEST_SKIP() << "only root can become another user (with util-linux's setpriv)";
   const auto as_nobody = [&](const std::vector<std::string>& words) {
@@ -171,7 +171,7 @@ TEST_F(SmallProject, ShowsTheErrorOfABuildThatFails) {
   EXPECT_THAT(unconfigured.err, HasSubstr("could not configure"));
 }
 
-TEST_F(SmallProject, NamesMissingPackagesAndInstallsNoneWhenTold) {
+TEST_F(SmallProject, NamesMissingPackagesAndInstallsNoneWithNoInstall) {
   if (!fs::exists("/usr/bin/dpkg-query")) GTEST_SKIP() << "packages are checked on Debian alone";
   write("deploy/packages.txt", "cmake\nno-such-package-anywhere\n");
   const Ending ending = run({"version"});
@@ -354,7 +354,7 @@ TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
   EXPECT_THAT(take_asked_for("apt"), HasSubstr(kInstall + "clang\n"));
 }
 
-TEST_F(SmallProjectWithTools, GoesOnWhereTheTestsNeedWhatCannotBeHad) {
+TEST_F(SmallProjectWithTools, ContinuesWhereTheTestsNeedWhatIsNotAvailable) {
   write("deploy/packages_test.txt", "clang\n");
   write("deploy/requirements_test.txt", "numpy==1\ntorch==2\n");
   write("full", "no network");
@@ -371,7 +371,7 @@ TEST_F(SmallProjectWithTools, GoesOnWhereTheTestsNeedWhatCannotBeHad) {
   EXPECT_THAT(take_asked_for("apt"), HasSubstr(kInstall + "clang"));
 }
 
-TEST_F(SmallProjectWithTools, InstallsNothingForTheTestsWhenTold) {
+TEST_F(SmallProjectWithTools, InstallsNothingForTheTestsWithNoInstall) {
   write("deploy/packages_test.txt", "clang\n");
   write("deploy/requirements_test.txt", "numpy==1\n");
   const Ending ending = run_with_tools({"test"}, {{"COMRAD_NO_INSTALL", "1"}});
@@ -402,7 +402,7 @@ class SmallProjectWithDriver : public SmallProjectWithTools {
   const std::string folder_ = home_ / "build/torch";
 };
 
-TEST_F(SmallProjectWithDriver, GetsTheCudaPyTorchOnceAndSaysBeforehandHowLargeItIs) {
+TEST_F(SmallProjectWithDriver, GetsTheCudaPyTorchOnceAndReportsBeforehandHowLargeItIs) {
   const Ending first = run_with_tools({"version"});
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_EQ(cmake_argument(), folder_);
@@ -482,7 +482,7 @@ TEST_F(SmallProjectWithDriver, RefusesOtherWordsAndFoldersThatAreNotThere) {
   EXPECT_FALSE(fs::exists(home_ / "build"));
 }
 
-TEST_F(SmallProjectWithDriver, SaysWhatToDoWhereThePyTorchCannotBeHad) {
+TEST_F(SmallProjectWithDriver, ReportsWhatToDoWhereThePyTorchIsNotAvailable) {
   write("offline", "more-x\n");
   const Ending offline = run_with_tools({"version"});
   EXPECT_EQ(offline.exit_code, 1);

@@ -194,7 +194,7 @@ TEST(Help, MetricsListsWhatARunReports) {
   EXPECT_EQ(comrad({"help", "metrics", "--yaml"}).exit_code, 2);
 }
 
-TEST(Docs, SaysWhatItExpected) {
+TEST(Docs, ReportsWhatItExpected) {
   for (const std::vector<std::string>& words :
        {std::vector<std::string>{"docs"}, {"docs", "--serve", "--build", "x"}}) {
     const Ending ending = comrad(words);

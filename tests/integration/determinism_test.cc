@@ -97,7 +97,7 @@ TEST(Deterministic, ResumingHalfWayEqualsNeverStopping) {
   EXPECT_GT(expect_same_training(undisturbed(kEnvSteps), scratch / "resumed"), 20u);
 }
 
-TEST(Deterministic, SchedulesAndStagesOfRewardsGoOnExactlyAfterAResume) {
+TEST(Deterministic, SchedulesAndStagesOfRewardsContinueExactlyAfterAResume) {
   const ScratchFolder scratch;
   // Each moves before, at and after the half.
   const std::vector<std::string> settings = {"--reward",

@@ -37,7 +37,7 @@ std::vector<std::string> evaluated_training(const ScratchFolder& scratch, double
                          "--save_milestones_env_steps", "4096", "--keep_checkpoints", "1"});
 }
 
-TEST(Evaluation, RecordsWhatItPlaysAndTellsOfEveryEpisode) {
+TEST(Evaluation, RecordsWhatItPlaysAndReportsEveryEpisode) {
   const ScratchFolder scratch;
   const std::string video = scratch / "random.mp4", frames = scratch / "frames";
   const Ending ending =
@@ -236,7 +236,7 @@ TEST_F(EvaluationOfRuns, EverySeatHasItsOwnPlayer) {
   EXPECT_EQ(whole["greedy"], true);
 }
 
-TEST_F(EvaluationOfRuns, EverybodyMeetsEverybody) {
+TEST_F(EvaluationOfRuns, EachPlayerMeetsEachOther) {
   const auto result = play({"--cross_play", run("a") + "," + run("b"), "--num_workers", "2"});
   EXPECT_EQ(result["players"], (nlohmann::json{run("a"), run("b")}));
   ASSERT_THAT(result["cells"], SizeIs(4));
@@ -258,7 +258,7 @@ TEST_F(EvaluationOfRuns, EverybodyMeetsEverybody) {
   EXPECT_THAT(table.out, AllOf(HasSubstr("seat 0 \\ others"), HasSubstr("self-play "), HasSubstr("gap ")));
 }
 
-TEST_F(EvaluationOfRuns, AnotherVariantOrVersionIsPlayedAndTold) {
+TEST_F(EvaluationOfRuns, AnotherVariantOrVersionIsPlayedAndReported) {
   const std::string older = copy_with("older", "scenario_version", "7");
   const Ending ending = comrad({"eval", "--policy", older, "--variant", "reference", "--env_frameskip", "1",
                                 "--decision_limit", "40", "--episodes", "1", "--json"});

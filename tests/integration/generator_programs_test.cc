@@ -56,7 +56,7 @@ TEST(Doomgen, PoolsForTrainingAndEvaluationShareNothing) {
   EXPECT_THAT(refused.err, HasSubstr("for evaluation"));
 }
 
-TEST(Doomgen, SaysHowManyMapsARecipeCanMake) {
+TEST(Doomgen, ReportsHowManyMapsARecipeCanMake) {
   const auto said = [](std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), {"doomgen", "lava_maze", "--distinct"});
     const Ending counted = comrad(arguments);

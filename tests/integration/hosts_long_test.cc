@@ -203,7 +203,7 @@ TEST_F(HostRuns, ALineThatDelaysLosesSwapsAndDoublesCostsNoDecision) {
   end(*learner, "learning");
 }
 
-TEST_F(HostRuns, ProcessesThatStandStillForTenSecondsHoldNobodyUpForGood) {
+TEST_F(HostRuns, ProcessesThatStandStillForTenSecondsBlockNoOtherForGood) {
   const test::NetworkPair network(23);
   if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
   const On on = [&](int host, const Words& command) { return network.on(host, command); };
@@ -275,7 +275,7 @@ TEST_F(HostRuns, TwoRunsOnOneNetworkNeverMix) {
   end(*two, "two");
 }
 
-TEST_F(HostRuns, SshCallsAHostAndEveryReasonWhyNotIsTold) {
+TEST_F(HostRuns, SshCallsAHostAndEveryReasonWhyNotIsReported) {
   const test::NetworkPair network(26);
   if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
   const std::string sshd = found_program("sshd"), keygen = found_program("ssh-keygen");

@@ -88,7 +88,7 @@ size_t expect_same_run(const std::string& run_a, const std::string& run_b) {
   return compared;
 }
 
-TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
+TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeContinues) {
   const ScratchFolder scratch;
   const std::string pool = make_pool(scratch, "train", 3);
   train(scratch, "run", 28'000, pool, {"--curriculum", "learning_progress"});

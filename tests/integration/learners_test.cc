@@ -124,7 +124,7 @@ std::vector<std::string> two_q_learners(const ScratchFolder& scratch, const std:
                        "--dqn_batch_decisions", "32", "--replay_ratio", "1", "--replay_gb", "0.05"});
 }
 
-TEST(Learners, OfQlearningTrainToTheEndFromReplaysOfTheirOwn) {
+TEST(Learners, OfQlearningTrainToTheEndFromSeparateReplays) {
   const ScratchFolder scratch;
   const Ending ending = RunningProgram(two_q_learners(scratch, "qmix", 8000)).wait();
   ASSERT_EQ(ending.exit_code, 0) << ending.err;

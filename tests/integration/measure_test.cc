@@ -38,7 +38,7 @@ constexpr const char* kStages[] = {"tic",     "render",  "hand_over",        "ga
 const std::vector<std::string> kBenchKeys = {
     "bench", "scenario", "algo", "num_agents", "cores", "seconds", "decisions_per_s", "env_frames_per_s"};
 
-TEST(Eval, RandomPolicyPlaysTheEpisodesItIsAskedFor) {
+TEST(Eval, RandomPolicyPlaysTheRequestedEpisodes) {
   const auto summary = json_of({"eval", "--policy", "random", "--scenario", "coop_health_gathering",
                                 "--episodes", "4", "--num_workers", "2", "--seed", "3"});
   expect_keys(summary, kEvalKeys);

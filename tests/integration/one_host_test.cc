@@ -61,7 +61,7 @@ TEST(OneHost, NoProcessOfARunOpensASocketOfANetworkAndWorkersDoNotLoadDds) {
   EXPECT_EQ(training.wait().exit_code, 0);
 }
 
-TEST(OneHost, TrainsWhereCycloneDdsIsToldNonsense) {
+TEST(OneHost, TrainsWithABrokenCycloneDdsConfiguration) {
   const ScratchFolder scratch;
   const Ending ending =
       RunningProgram(small_training(scratch, "run", 2048), {{"CYCLONEDDS_URI", "<CycloneDDS><nonsense"}})

@@ -194,7 +194,7 @@ TEST_F(Export, RefusesWhatItCannotWrite) {
   }
 }
 
-TEST_F(Export, SaysHowToInstallWandbWhereItIsMissing) {
+TEST_F(Export, ReportsHowToInstallWandbWhereItIsMissing) {
   make_run("one", 1, 10);
   folder_.write("without/wandb.py", "raise ImportError('as if it were not installed')\n");
   const Ending ending = exported({"one", "--wandb", path("w")}, {{"PYTHONPATH", path("without")}});

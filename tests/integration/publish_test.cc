@@ -90,7 +90,7 @@ TEST(Publish, WithoutKeysOrWithoutDdsTheRunIsRefusedInOneLine) {
   EXPECT_THAT(without_dds.err, HasSubstr("interface 'lo'"));
 }
 
-TEST(Publish, AMonitorWithoutARunOrWithAWrongAddressIsToldInOneLine) {
+TEST(Publish, AMonitorWithoutARunOrWithAWrongAddressIsRefusedInOneLine) {
   const Ending nobody = look("127.0.0.1/0123456789abcdef", {"--wait_s", "0.5"});
   expect_one_line(nobody, "top");
   EXPECT_THAT(nobody.err, HasSubstr("no report from 127.0.0.1"));

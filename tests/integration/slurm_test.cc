@@ -105,7 +105,7 @@ TEST(SlurmSweepLong, MakesAnArrayThatIsRequeuedResumedAndReported) {
   EXPECT_EQ(status()["interrupted"], 4);
 }
 
-TEST(SlurmSweepLong, TrialsOfAnArrayShareTheirStudyAndMembersGoOnAtOnce) {
+TEST(SlurmSweepLong, TrialsOfAnArrayShareTheirStudyAndMembersContinueAtOnce) {
   const Expected<std::string> python = python_with("optuna");
   if (!python) GTEST_SKIP() << python.error().message;
   Cluster cluster;

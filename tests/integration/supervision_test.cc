@@ -103,7 +103,7 @@ class LinkedRun : public EndlessRun {
   LinkedRun() : EndlessRun("dds") {}
 };
 
-TEST_F(LinkedRun, GoesOnAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
+TEST_F(LinkedRun, ContinuesAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
   kill_and_expect_a_successor("comrad-sim-worker", 2);
   kill_and_expect_a_successor("comrad-policy-worker", 1);
   kill_and_expect_a_successor("comrad-learner", 1);

@@ -48,7 +48,7 @@ std::string state_of(const ScratchFolder& scratch, const std::string& run) {
   return record.is_object() ? record.value("state", "none") : "none";
 }
 
-TEST(Sweep, MakesEveryRunOnCoresOfItsOwnAndOnlyOnce) {
+TEST(Sweep, MakesEveryRunOnSeparateCoresAndOnlyOnce) {
   const ScratchFolder scratch;
   const std::string file =
       sweep_file(scratch, "1, 2, 3", "2000", "report = \"ls -d {folder} > report.txt; echo reported\"\n");
@@ -136,7 +136,7 @@ TEST(Sweep, AFailedRunIsNamedWithItsErrorAndStopsNoOther) {
   EXPECT_EQ(count(events(scratch), "seed1 begins"), 1);
 }
 
-TEST(Sweep, GoesOnAfterASigkillInTheMiddle) {
+TEST(Sweep, ContinuesAfterASigkillInTheMiddle) {
   const ScratchFolder scratch;
   const std::string file = sweep_file(scratch, "1, 2, 3", "100000");
   {
@@ -160,7 +160,7 @@ TEST(Sweep, GoesOnAfterASigkillInTheMiddle) {
   for (const char* run : {"seed1", "seed2", "seed3"}) EXPECT_EQ(state_of(scratch, run), "finished") << run;
 }
 
-TEST(Sweep, StopSavesAndStatusTellsWhatIsThere) {
+TEST(Sweep, StopSavesAndStatusReportsWhatExists) {
   const ScratchFolder scratch;
   const std::string file = sweep_file(scratch, "1, 2, 3", "100000");
   RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", file});
@@ -325,7 +325,7 @@ TEST_F(SweepSearch, HalvingEndsTheWorseTrialsEarly) {
   EXPECT_EQ(trials(), 7);
 }
 
-TEST_F(SweepSearch, AKilledElementGoesOnWithItsTrial) {
+TEST_F(SweepSearch, AKilledElementResumesItsTrial) {
   const std::string path = file("tpe", "trials = 3", "12000");
   nlohmann::json before;
   {
@@ -385,7 +385,7 @@ TEST_F(SweepSearch, AMissingOrDamagedStudyIsAnErrorAndNothingIsTrained) {
   sweep.wait();
 }
 
-TEST_F(SweepSearch, AFailedTrialIsToldAndMadeAgainWithItsSettings) {
+TEST_F(SweepSearch, AFailedTrialIsReportedAndMadeAgainWithItsSettings) {
   const std::string path =
       file("tpe", "trials = 1", "2000", 1, "seed = 700\n");  // killed after 1000 frames, once
   const Ending failed = start(path);
@@ -445,7 +445,7 @@ TEST_F(SweepSearch, MembersOfAPopulationTakeTurnsAndTheWorstCopiesTheBest) {
   EXPECT_EQ(generations("member_3").size(), 5u);
 }
 
-TEST_F(SweepSearch, MembersOnAClusterGoOnByThemselvesAtOnce) {
+TEST_F(SweepSearch, MembersOnAClusterContinueByThemselvesAtOnce) {
   const std::string path = file("pbt", "members = 3\nevery_env_frames = 500", "1500", 1);
   {
     RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", path}, environment_);

@@ -39,7 +39,7 @@ class VizdoomConfig : public ::testing::Test {
   const fs::path began_in_;
 };
 
-TEST_F(VizdoomConfig, OneAgentTrainsAndTheRunGoesOnFromAnotherFolder) {
+TEST_F(VizdoomConfig, OneAgentTrainsAndTheRunContinuesFromAnotherFolder) {
   const Ending first = train("room", 4096, {"--scenario", "room.cfg"});
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_THAT(first.err, HasSubstr("room.cfg:6: unknown key no_such_key"));

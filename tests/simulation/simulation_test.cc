@@ -174,7 +174,7 @@ TEST_F(Simulation, AWorkerThatNeverJoinsIsKilledAndStartedAgain) {
   EXPECT_EQ(played.ending.restarts, 1);
 }
 
-TEST_F(Simulation, InLockStepOneDeathSendsEverybodyBackToTheCheckpointAndAPauseStays) {
+TEST_F(Simulation, InLockStepOneDeathSendsAllWorkersBackToTheCheckpointAndAPauseStays) {
   const Played played = play_text(std::string("run lock_step") + kAllJoin + R"(
 play sim-0 8
 take learner
@@ -192,7 +192,7 @@ play sim-1 4)");
   EXPECT_EQ(played.ending.restarts, 2) << "the others did not die";
 }
 
-TEST_F(Simulation, AStopKillsTheStubbornAndSaysThatTheLearnerDidNotSave) {
+TEST_F(Simulation, AStopKillsTheStubbornAndReportsThatTheLearnerDidNotSave) {
   EXPECT_EQ(play_text(std::string("run train") + kAllJoin + "hang sim-0\nterminate\nwait 12").ending.reason,
             StopReason::kInterrupted);
   const Played played = play_text(std::string("run train") + kAllJoin + "hang learner\nstop\nwait 12");
@@ -260,7 +260,7 @@ TEST_F(Simulation, HostsComeAndGoAndOneThatTheRunNeedsEndsIt) {
   EXPECT_THAT(played.ending.message, HasSubstr("host-0 has left"));
 }
 
-TEST_F(Simulation, AnEvaluationEndsWithItsLastEpisodeHoweverOftenOneIsTold) {
+TEST_F(Simulation, AnEvaluationEndsWithItsLastEpisodeHoweverOftenOneIsReported) {
   const Played played = play_text(R"(run evaluate
 join sim-0
 join sim-1

@@ -257,7 +257,7 @@ TEST(Layering, EveryLibraryIsInstalledByTheBootstrap) {
 }
 
 // What -DCOMRAD_HOSTS=OFF leaves out is included by what it leaves out as well.
-TEST(Layering, WhatABuildWithoutHostsCompilesKnowsOfNoLink) {
+TEST(Layering, WhatABuildWithoutHostsCompilesContainsNoLink) {
   const std::set<std::string> ours = {"deploy/run/join.cc", "deploy/run/serve.cc",
                                       "deploy/tools/doctor_hosts.cc", "deploy/tools/doctor_hosts.h",
                                       "rollout_buffer/bench/frame_link.cc"};
@@ -295,7 +295,7 @@ bool mirrors_a_source(const fs::path& test) {
   return false;
 }
 
-TEST(Layering, EveryTestMirrorsASourceOrSaysWhatItCovers) {
+TEST(Layering, EveryTestMirrorsASourceOrNamesWhatItCovers) {
   int count = 0;
   for (const auto& entry : fs::recursive_directory_iterator(COMRAD_SOURCE_DIR "/tests/unit")) {
     if (!entry.path().string().ends_with("_test.cc")) continue;

@@ -22,7 +22,7 @@ int exit_code_of(const std::string& cases) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-TEST(ExitCode, TellsPassedSkippedAndFailedApart) {
+TEST(ExitCode, DistinguishesPassedSkippedAndFailed) {
   EXPECT_EQ(exit_code_of("Probe.DISABLED_Passes"), 0);
   EXPECT_EQ(exit_code_of("Probe.DISABLED_Skips"), 77);
   EXPECT_EQ(exit_code_of("Probe.DISABLED_Passes:Probe.DISABLED_Skips"), 77);

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Comments and string literals of the sources use the field's words, not private names or persons for programs.
+"""Comments, string literals and test names of the sources use the field's words, not private names or persons for programs.
 
     wording_test.py [ROOT]              the check, after a check of itself
     wording_test.py ROOT --list [PATH]  every finding below PATH, as file:line: word: text
@@ -85,6 +85,7 @@ C_LIKE = re.compile(
 )
 HASHED = re.compile(r"""#[^\n]*|\"\"\".*?\"\"\"|'''.*?'''|"(?:\\.|[^"\\])*"|'[^'\n]*'""", re.DOTALL)
 MARKS = re.compile(r"""^(?://[/!]?<?|#+)|[ \t]+#+(?=\s)|(?<=\n)[ \t]*\*|^"|"$""", re.MULTILINE)
+TEST_NAME = re.compile(r"\bTEST(?:_F|_P)?\(\s*\w+,\s*(\w+)\)")
 BRACES = re.compile(r"\{[^{}\n]*\}")
 INCLUDE = re.compile(r"\s*#\s*include\b")
 
@@ -152,6 +153,12 @@ def is_exception(path, found):
     )
 
 
+def test_names(text):
+    """Offset and words of each GoogleTest name."""
+    for match in TEST_NAME.finditer(text):
+        yield match.start(1), re.sub(r"(?<=.)(?=[A-Z])", " ", match.group(1))
+
+
 def read_by_persons(text, pieces):
     """`text` with a NUL for each character of code. Comments and literals with only blanks between them stay one text, without the
     marks at their ends, so that a phrase may go over several lines."""
@@ -175,6 +182,10 @@ def findings(root, paths):
             if not is_exception(path, found):
                 line = text.count("\n", 0, match.start()) + 1
                 yield path, line, found, RULES[int(match.lastgroup[1:])][1], text.splitlines()[line - 1].strip()
+        for start, words in test_names(text) if path.endswith(".cc") else ():
+            match = PATTERN.search(words)
+            if match and not is_exception(path, match.group()):
+                yield path, text.count("\n", 0, start) + 1, match.group(), RULES[int(match.lastgroup[1:])][1], words
 
 
 def check_itself():
@@ -182,6 +193,7 @@ def check_itself():
     planted = {
         "two_lines.cc": 'int a;  // goes\n// on\nauto b = "asks"\n         " for";\nint goes; // goes\nint on;\n',
         "a.cc": '#include "door/guest.h"\nint who = 1, crew_size = 2;\n// Never waits for\n// somebody.\nauto a = "it wants b";\n',
+        "names.cc": 'TEST(Arena, IsToldWhoWaits) {}\nTEST_F(Who, Waits) {}\n',
         "b.h": '/* Nobody\n   knows. */\nauto c = R"x(told)x";\n',
         "c.def": 'SETTING(bool, x, true, any(),\n        "asks for more")\n',
         "d.py": 'who = 1\n"""Made up."""\nprint(f"of its own {who}")  # goes on\n',
@@ -193,7 +205,7 @@ def check_itself():
         "j.txt": "nobody reads this\n",
     }
     expected = {
-        ("two_lines.cc", 1, "goes on"), ("two_lines.cc", 3, "asks"), ("a.cc", 4, "somebody"), ("a.cc", 5, "wants"), ("b.h", 1, "Nobody"), ("b.h", 2, "knows"), ("b.h", 3, "told"),
+        ("names.cc", 1, "Told"), ("two_lines.cc", 1, "goes on"), ("two_lines.cc", 3, "asks"), ("a.cc", 4, "somebody"), ("a.cc", 5, "wants"), ("b.h", 1, "Nobody"), ("b.h", 2, "knows"), ("b.h", 3, "told"),
         ("c.def", 2, "asks"), ("d.py", 2, "Made up"), ("d.py", 3, "of its own"), ("d.py", 3, "goes on"),
         ("e.sh", 2, "stranger"), ("e.sh", 2, "guest"), ("f.toml", 2, "wish"), ("f.toml", 2, "feeder"),
         ("g.acs", 1, "late pay"), ("h.idl", 1, "Whoever"), ("i/CMakeLists.txt", 1, "word too many"),

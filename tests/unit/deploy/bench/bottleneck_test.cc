@@ -57,7 +57,7 @@ TEST(Bottleneck, EveryStageHasWordsAndAdvice) {
   }
 }
 
-TEST(Bottleneck, OfIdleCoresIsWhoNeverWaits) {
+TEST(Bottleneck, OfIdleCoresIsTheComponentThatNeverWaits) {
   PipelineNumbers numbers = calm();
   numbers.learner_busy = 0.98;
   EXPECT_EQ(

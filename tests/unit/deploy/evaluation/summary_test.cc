@@ -68,7 +68,7 @@ TEST(Summary, NormalisesBetweenTheTeamsOfTheEvaluationWhereItHasThem) {
   EXPECT_TRUE(summarise(game, teams[0], scale_of(game, teams), true, false)["J_normalised"].is_null());
 }
 
-TEST(Summary, RecordsWhatWasPlayedAndByWhom) {
+TEST(Summary, RecordsWhatWasPlayedAndThePlayers) {
   const EvaluationGame game = made_game();
   const PlayedTeam team = played(game, 3, {20, 30, 40});
   const auto summary = summarise(game, team, {}, true, true);

@@ -15,7 +15,7 @@ namespace video_request_test {
 
 using ::testing::HasSubstr;
 
-TEST(VideoRequest, NothingAskedForIsNoVideo) {
+TEST(VideoRequest, WithoutARequestThereIsNoVideo) {
   const Expected<VideoPlan> plan = check_videos({});
   ASSERT_TRUE(plan);
   EXPECT_FALSE(plan->is_wanted());

@@ -54,7 +54,7 @@ TEST(HostCalls, InAnAllocationSrunStartsTheOtherTasks) {
               Contains("--keys=/etc/keys/%h"));
 }
 
-TEST(HostCalls, WhoSaysNoneOrTrainsInLockStepCallsNobody) {
+TEST(HostCalls, NoneOrLockStepCallsNoHost) {
   RunConfig config;
   config.hosts.hosts = "none";
   ASSERT_TRUE(prepare_calls(config, variables(kTwoTasks)));
@@ -66,7 +66,7 @@ TEST(HostCalls, WhoSaysNoneOrTrainsInLockStepCallsNobody) {
   EXPECT_FALSE(lock_step.hosts.serve);
 }
 
-TEST(HostCalls, SshAsksNothingAndQuotesWhatAShellReads) {
+TEST(HostCalls, SshPromptsForNothingAndQuotesWhatAShellReads) {
   RunConfig config;
   config.hosts.serve = true;
   config.hosts.hosts = "a,me@b";

@@ -64,7 +64,7 @@ TEST_F(RunOffer, SettingsTravelWithoutWhatConcernsTheServingHostAlone) {
   EXPECT_EQ(read_file(joined->environment.wad), "PWAD here") << joined->environment.wad;
 }
 
-TEST_F(RunOffer, ARunThatGoesOnOffersTheSameAgain) {
+TEST_F(RunOffer, AResumedRunOffersTheSameAgain) {
   ASSERT_TRUE(make_offer(run_, config_, iwad_));
   const uint64_t before = link::fingerprint_of(*link::read_offer(run_));
   config_.run.train_for_env_frames = 5;
@@ -101,7 +101,7 @@ TEST_F(RunOffer, MapsOfAPoolAreSentAndFoundOnTheOtherHost) {
   }
 }
 
-TEST_F(RunOffer, AnotherScenarioOrIwadIsToldApart) {
+TEST_F(RunOffer, AnotherScenarioOrIwadIsDistinguished) {
   ASSERT_TRUE(make_offer(run_, config_, iwad_));
   const Expected<link::Offer> offer = link::read_offer(run_);
   ASSERT_TRUE(offer);

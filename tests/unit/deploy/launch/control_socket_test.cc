@@ -39,7 +39,7 @@ class ControlSocketTest : public ::testing::Test {
   std::string done_;
 };
 
-TEST_F(ControlSocketTest, DoesWhatItIsTold) {
+TEST_F(ControlSocketTest, ObeysRequests) {
   EXPECT_EQ(answer_command(R"({"do":"status"})", orders()), "{\"state\":\"running\"}\n");
   EXPECT_EQ(json::parse(answer_command(R"({"do":"pause"})", orders())), json({{"ok", true}}));
   EXPECT_EQ(json::parse(answer_command(R"({"do":"checkpoint"})", orders())),

@@ -152,7 +152,7 @@ TEST_F(EvaluatorTest, NoPointIsPlayedTwiceWhateverIsKilled) {
   EXPECT_THAT(waiting(), IsEmpty());
 }
 
-TEST_F(EvaluatorTest, ACheckpointThatCannotBePlayedIsToldAndTheRunGoesOn) {
+TEST_F(EvaluatorTest, ACheckpointThatCannotBePlayedIsReportedAndTheRunContinues) {
   comrad_says("echo 'comrad eval: error: learner cannot run: bad checkpoint' >&2; exit 2");
   Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   save(3, 1024);
@@ -168,7 +168,7 @@ TEST_F(EvaluatorTest, ACheckpointThatCannotBePlayedIsToldAndTheRunGoesOn) {
   EXPECT_THAT(run_out(evaluator), ElementsAre(HasSubstr("evaluated at 3.1k")));
 }
 
-TEST_F(EvaluatorTest, WithoutAProgramItSaysSoAndStops) {
+TEST_F(EvaluatorTest, WithoutAProgramItReportsThatAndStops) {
   plan_.bin_dir += "/nowhere";
   Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   save(3, 1024);

@@ -41,7 +41,7 @@ TEST(TrainingLine, LeavesOutWhatIsNotKnownYet) {
   EXPECT_EQ(training_line(progress), "2k/1k env frames (200.0%), ETA 0s | 10 env frames/s, 0 decisions/s");
 }
 
-TEST(TrainingLine, SaysThatNoEpisodeHasEndedAndWhenOneMust) {
+TEST(TrainingLine, ReportsThatNoEpisodeHasEndedAndWhenOneMust) {
   TrainingProgress progress;
   progress.env_frames = 512;
   progress.decision_limit = 4500;
@@ -83,7 +83,7 @@ TEST(WholeText, GroupsThreeDigits) {
   EXPECT_EQ(whole_text(12345678), "12 345 678");
 }
 
-TEST(TrainingLine, SaysHowFullTheReplayIsUntilLearningBegins) {
+TEST(TrainingLine, ReportsHowFullTheReplayIsUntilLearningBegins) {
   TrainingProgress progress;
   progress.env_frames = 24'400;
   progress.replay_filled = 0.619;

@@ -177,7 +177,7 @@ TEST_F(RateMeterTest, AWindowWithoutAnUpdateClosesInTheEnd) {
   EXPECT_THAT(meter.window().windows, ElementsAre(0.0));
 }
 
-TEST_F(RateMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {
+TEST_F(RateMeterTest, WithoutALearnerWhatSimulatorsPlayCounts) {
   plan_.policy = PolicySource::kRandom;
   RateMeter meter(plan_);
   meter.use(&arena_);

@@ -46,7 +46,7 @@ TEST_F(RunDirectoryTest, ResumeOfAFreshNameJustStarts) {
   EXPECT_TRUE(exists("first/checkpoint"));
 }
 
-TEST_F(RunDirectoryTest, StartsAtTheSameTimeGetFoldersOfTheirOwn) {
+TEST_F(RunDirectoryTest, StartsAtTheSameTimeGetSeparateFolders) {
   constexpr int kStarts = 8;
   int go[2], done[2];
   ASSERT_EQ(pipe(go), 0);

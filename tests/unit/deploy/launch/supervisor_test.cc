@@ -179,7 +179,7 @@ TEST_F(Launch, WorkersGetTheirCommandLinesAndThreadCounts) {
               testing::IsSupersetOf({"sim-0 threads 1 0", "policy-0 threads 1 -", "learner threads 2 -"}));
 }
 
-TEST_F(Launch, AKilledSimulatorAndPolicyWorkerAreRestartedAndTheRunGoesOn) {
+TEST_F(Launch, AKilledSimulatorAndPolicyWorkerAreRestartedAndTheRunContinues) {
   start("sim-0 fill 0\n");
   ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(pids("sim-0").back(), SIGKILL);
@@ -204,7 +204,7 @@ TEST_F(Launch, BadInputIsNotTriedTwice) {
   EXPECT_EQ(pids("policy-0").size(), 1u);
 }
 
-TEST_F(Launch, SigtermStopsEverybodyCleanly) {
+TEST_F(Launch, SigtermStopsAllWorkersCleanly) {
   start("");
   ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(probe_, SIGTERM);
@@ -300,7 +300,7 @@ TEST_F(Launch, ABenchCountsOnlyItsWindow) {
   EXPECT_EQ(result["interrupted"], false);
 }
 
-TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
+TEST_F(Launch, InLockStepOneDeathSendsAllWorkersBackToTheCheckpoint) {
   start("learner restored 1000000\n", {"deterministic=1"});
   ASSERT_TRUE(test::wait_until([&] { return has_shown(" 5120 env frames/s"); })) << story();
   kill(pids("sim-1").back(), SIGKILL);
@@ -317,7 +317,7 @@ TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   EXPECT_LT(outcome()["env_frames_lost"], 1'000'000);
 }
 
-TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
+TEST_F(Launch, ALearnerThatGoesBackReportsHowMuchLearningWasLost) {
   // Every life of the learner begins at its checkpoint of 100 000 decisions.
   start("learner restored 100000\n");
   ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
@@ -346,7 +346,7 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
   EXPECT_THAT(progress(), HasSubstr(back + "\n")) << "at once, and in every line of progress";
 }
 
-TEST_F(Launch, AskedForACheckpointItPassesTheWishOn) {
+TEST_F(Launch, PassesACheckpointRequestOn) {
   start("learner finish 4000\n");
   ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(probe_, SIGUSR1);
@@ -354,7 +354,7 @@ TEST_F(Launch, AskedForACheckpointItPassesTheWishOn) {
   ASSERT_EQ(wait_for_end(), 0) << "SIGUSR1 ended it";
 }
 
-TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {
+TEST_F(Launch, AnArenaThatDoesNotFitIsReported) {
   start("", {"slabs=1000000"});
   ASSERT_EQ(wait_for_end(), 1) << story();
   EXPECT_THAT(std::string(outcome()["error"]),

@@ -46,7 +46,7 @@ TEST(ChildProcess, BringsBackLinesOfBothOutputsAndTheExitCode) {
   EXPECT_EQ(how.text(), "killed by signal 9 (Killed)");
 }
 
-TEST(ChildProcess, HearsWhatItIsToldUntilItsInputEnds) {
+TEST(ChildProcess, ReadsItsInputToTheEnd) {
   MachineProcessHost host;
   ChildOptions options = shell("read line; echo \"heard $line\"; cat; echo end");
   options.takes_input = true;
@@ -87,7 +87,7 @@ TEST(ChildProcess, CountsTheProcessorTimeOfAChildWhileItRunsAndAfterwards) {
   EXPECT_GE(moved.cpu_seconds(), running_s - 0.011);
 }
 
-TEST(ChildProcess, IsAtWorkWhileItWantsACoreButNotWhileItWaitsOrIsStopped) {
+TEST(ChildProcess, IsAtWorkWhileItNeedsACoreButNotWhileItWaitsOrIsStopped) {
   auto child = ChildProcess::spawn(shell("trap 'exec sleep 1000' TERM; while :; do :; done"));
   ASSERT_TRUE(child) << child.error().message;
   EXPECT_TRUE(test::wait_until([&] { return child->is_at_work(); }));

@@ -21,7 +21,7 @@ TEST(RunProgram, KeepsBothStreamsAndTheExitCode) {
   EXPECT_EQ(result->exit_code, 3);
 }
 
-TEST(RunProgram, TellsASignalFromAnExit) {
+TEST(RunProgram, DistinguishesASignalFromAnExit) {
   const auto result = run_program(shell("kill -9 $$"));
   ASSERT_TRUE(result);
   EXPECT_EQ(result->exit_code, 128 + SIGKILL);
@@ -63,7 +63,7 @@ TEST(RunProgram, NamesAProgramThatIsNotThere) {
   }
 }
 
-TEST(RunProgram, PassesAnInterruptOnAndTellsOfIt) {
+TEST(RunProgram, PassesAnInterruptOnAndReportsIt) {
   sigset_t interrupt, previous;
   sigemptyset(&interrupt);
   sigaddset(&interrupt, SIGINT);

@@ -149,7 +149,7 @@ TEST_F(HttpServerTest, AnswersARequestHoweverItComes) {
   EXPECT_TRUE(heard(two).ends_with("page /two<end>"));
 }
 
-TEST_F(HttpServerTest, DropsWhoIsSilentAndServesTheNextOnes) {
+TEST_F(HttpServerTest, DropsASilentClientAndServesTheNextOnes) {
   serve(page_rules(), {.connections = 4, .seconds = 0.2});
   std::vector<Descriptor> silent;
   for (int count = 0; count < 20; ++count) silent.push_back(client());
@@ -159,7 +159,7 @@ TEST_F(HttpServerTest, DropsWhoIsSilentAndServesTheNextOnes) {
   EXPECT_EQ(heard(silent.front()), "<end>");
 }
 
-TEST_F(HttpServerTest, AClientThatDoesNotReadHoldsNobodyUp) {
+TEST_F(HttpServerTest, AClientThatDoesNotReadBlocksNoOther) {
   HttpRules rules = page_rules();
   rules.answer = [](const HttpRequest& request) -> HttpReply {
     return {.body = std::string(request.path == "/much" ? 64u << 20 : 1, 'x')};
@@ -188,7 +188,7 @@ TEST_F(HttpServerTest, TalksWithABrowser) {
   server_->send(opened_[0], std::make_shared<std::string>("gone"), HttpServer::Kind::kText);
 }
 
-TEST_F(HttpServerTest, OpensNoTalkForStrangers) {
+TEST_F(HttpServerTest, OpensNoWebSocketForUnknownPeers) {
   serve(talk_rules());
   for (const std::string& request :
        {std::string("GET /talk HTTP/1.1\r\n") + kUpgrade,
@@ -241,7 +241,7 @@ TEST_F(HttpServerTest, ATalkWithTooMuchWaitingEnds) {
   EXPECT_EQ(closed_, opened_);
 }
 
-TEST_F(HttpServerTest, ListensToOtherDescriptorsUntilToldToForget) {
+TEST_F(HttpServerTest, ListensToOtherDescriptorsUntilRemoved) {
   serve(page_rules());
   Expected<Pipe> pipe = Pipe::open();
   ASSERT_TRUE(pipe);

@@ -60,7 +60,7 @@ TEST_F(ReplyServerTest, AnswersAWholeRequestHoweverItComes) {
   EXPECT_EQ(heard(two), "you said good evening\n");
 }
 
-TEST_F(ReplyServerTest, DropsWhoIsSilentSaysTooMuchOrLeaves) {
+TEST_F(ReplyServerTest, DropsAClientThatIsSilentSendsTooMuchOrLeaves) {
   ReplyServer server = this->server({.connections = 8, .request_bytes = 100, .seconds = 2});
   const Descriptor silent = client(), chatty = client();
   {
@@ -77,7 +77,7 @@ TEST_F(ReplyServerTest, DropsWhoIsSilentSaysTooMuchOrLeaves) {
   EXPECT_EQ(heard(silent), "<end>");
 }
 
-TEST_F(ReplyServerTest, AClientThatDoesNotReadHoldsNobodyUp) {
+TEST_F(ReplyServerTest, AClientThatDoesNotReadBlocksNoOther) {
   ReplyServer server = this->server();
   extra_ = 8 << 20;  // more than a socket holds
   const Descriptor deaf = client();
@@ -115,7 +115,7 @@ TEST_F(ReplyServerTest, ARefusalIsTheAnswer) {
   EXPECT_EQ(heard(stranger), "not you\n");
 }
 
-TEST_F(ReplyServerTest, KnowsWhoAsksAndWhatIsTaken) {
+TEST_F(ReplyServerTest, ReportsThePeerAndWhatIsTaken) {
   ReplyServer server = this->server();
   const Descriptor one = client();
   EXPECT_EQ(peer_of(one.get()).user, static_cast<int64_t>(geteuid()));

@@ -144,7 +144,7 @@ TEST(RemoteRun, AnotherVersionIsNamed) {
   EXPECT_THAT(refused.error().message, HasSubstr("same build"));
 }
 
-TEST(RemoteRun, WithoutARunThereItSaysWhatToCheck) {
+TEST(RemoteRun, WithoutARunThereItReportsWhatToCheck) {
   const auto silent = RemoteRun::open({.address = "127.0.0.1/0123456789abcdef", .wait_s = 0.2});
   ASSERT_FALSE(silent);
   EXPECT_EQ(silent.error().code, ErrorCode::kTimeout);

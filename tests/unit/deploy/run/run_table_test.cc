@@ -47,7 +47,7 @@ TEST(RunTable, FitsATerminalOfAnyWidth) {
   EXPECT_THAT(worker_table(run, 10)[1], HasSubstr("sim-0"));
 }
 
-TEST(RunTable, SaysWhatTheRunSaid) {
+TEST(RunTable, PrintsWhatTheRunPrinted) {
   std::string all;
   for (const std::string& line : run_lines(a_run(), 200)) all += line + "\n";
   for (const char* words : {"lava: running for 1m05s on box (pid 77)",
@@ -71,7 +71,7 @@ TEST(RunTable, TheLightestColumnsGoFirst) {
   EXPECT_THAT(table_lines(columns, {{"xyz", "1", "2"}}, 2), ElementsAre("A", "xy"));
 }
 
-TEST(RunTable, NothingThatARunSaysDrivesTheTerminal) {
+TEST(RunTable, NothingThatARunPrintsDrivesTheTerminal) {
   EXPECT_EQ(fitted("a\x1b[2Jb\r\n\x7f", 80), "a?[2Jb???");
   EXPECT_EQ(fitted("\xC2\x9B"
                    "31m",

@@ -116,7 +116,7 @@ TEST(CommandLine, RefusesStrayWords) {
   EXPECT_THAT(parse(line, {"ippo"}), HasSubstr("'ippo'"));
 }
 
-TEST(CommandLine, TakesAnyNumberOfWordsWhereACommandWantsThem) {
+TEST(CommandLine, TakesAnyNumberOfWordsWhereACommandTakesThem) {
   std::string first;
   Words runs;
   CommandLine line("plot", "");

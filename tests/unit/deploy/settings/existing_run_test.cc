@@ -48,7 +48,7 @@ TEST_F(ExistingRun, LatestIsTheHighestVersionAndBestTheHighestScore) {
   EXPECT_THAT(*find_checkpoint(run, CheckpointKind::kBest), EndsWith("best_-2.25.pt"));
 }
 
-TEST_F(ExistingRun, SaysWhatItLacks) {
+TEST_F(ExistingRun, ReportsWhatItLacks) {
   touch("stag/checkpoint/checkpoint_000000009_1000.pt");
   const auto best = find_checkpoint((folder_ / "stag").string(), CheckpointKind::kBest);
   ASSERT_FALSE(best);

@@ -81,7 +81,7 @@ TEST_F(GameFiles, AUsersWadIsTakenAsItIs) {
   EXPECT_FALSE(fs::exists(folder_ / "layouts"));
 }
 
-TEST(Layouts, AGeneratedOneIsToldByItsNameAndFolder) {
+TEST(Layouts, AGeneratedOneIsRecognisedByItsNameAndFolder) {
   RunConfig config;
   config.run.scenario = "two_rooms";
   config.environment.layout_seed = 7;
@@ -114,7 +114,7 @@ TEST_F(GameFiles, ANewLayoutSeedOrAMovedRunForgetsTheGeneratedMap) {
   EXPECT_EQ(same.environment.wad, "");
 }
 
-TEST(LayoutPools, OnesToDrawAreToldFromFolders) {
+TEST(LayoutPools, OnesToDrawAreDistinguishedFromFolders) {
   for (const char* pool : {"train:3", "eval:20", "train:many", "curriculum"})
     EXPECT_TRUE(is_pool_to_draw(pool)) << pool;
   for (const char* pool : {"", "pool", "train", "/data/train:3", "trains:3", "curriculum:3", "./curriculum"})

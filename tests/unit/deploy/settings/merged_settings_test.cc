@@ -109,7 +109,7 @@ TEST(MergeNew, ThePresetChoosesItsOwnRowsAndTheScenarios) {
   EXPECT_THAT(unknown.error().message, HasSubstr("did you mean 'paper'"));
 }
 
-TEST(MergeNew, TellsTheLayerThatEachValueCameFrom) {
+TEST(MergeNew, ReportsTheLayerThatEachValueCameFrom) {
   const test::ScratchFolder folder;
   UserSettings user =
       typed({{"algo", "ippo"}, {"rollout", "32"}, {"micro_batch_size", "70"}, {"seed", "42"}});
@@ -194,7 +194,7 @@ TEST(MergeNew, RecipesCountInTheUnitOfTheirCoreAlone) {
   EXPECT_EQ(other->from.at("replay_batch_size"), "preset");
 }
 
-TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserAsks) {
+TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserTyped) {
   const SettingsLayer changes{"bench",
                               {{"train_for_env_frames", "1e15"}, {"num_epochs", "9"}, {"gamma", "0.5"}}};
   const auto merged = merge_new(typed({{"gamma", "0.9"}}), fake_scenario, 2, changes);
@@ -360,7 +360,7 @@ TEST(MergeOntoRun, AnotherPresetIsAnErrorAndNeverAnotherValue) {
   EXPECT_EQ(same->from.at("gamma"), "command line");
 }
 
-TEST(MergeOntoRun, AsksForTheScenariosTeamSizeMeansTheRunsOne) {
+TEST(MergeOntoRun, ATeamSizeOfTheScenarioMeansTheRunsOne) {
   const auto merged = merge_onto_run(made_run(), typed({{"num_agents", "0"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.environment.num_agents, 2);

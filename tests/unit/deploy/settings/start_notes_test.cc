@@ -62,7 +62,7 @@ TEST(Changes, NameBothValuesAndLeaveOutWhereTheRunLies) {
             "changed since the last start: layout_pool empty -> train:5, gamma 0.995 -> 0.9");
 }
 
-TEST(Changes, AMapThatWasMadeAnewIsNamedByItsSeed) {
+TEST(Changes, AMapThatWasRedrawnIsNamedByItsSeed) {
   RunConfig before;
   before.run.scenario = "lava_pit";
   before.environment.layout_seed = 1;

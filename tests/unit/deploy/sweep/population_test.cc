@@ -92,7 +92,7 @@ TEST(NextGeneration, TheWorstTakesTheBestAndMultipliesItsNumbersByAFactor) {
   }
 }
 
-TEST(NextGeneration, StaysInTheRangeAndDrawsAnewWhereTheFileSaysSo) {
+TEST(NextGeneration, StaysInTheRangeAndDrawsAnewWhereTheFileRequestsIt) {
   SweepSearch search = a_search();
   search.perturb = {100};
   std::vector<Member> members = members_with({5, 1, 9, 4});

@@ -104,7 +104,7 @@ TEST(SweepFile, RefusesUnknownWordsWithLineAndNearest) {
               AllOf(HasSubstr("s.toml:4"), HasSubstr("did you mean 'mappo'?")));
 }
 
-TEST(SweepFile, SaysWhereResultsAreKept) {
+TEST(SweepFile, ReportsWhereResultsAreKept) {
   const std::string base = kSmall;
   const Expected<SweepFile> file =
       parse_sweep_file(base + "[results]\nfolder = \"kept\"\nepisodes = 7\ngreedy = true\n", "s.toml");
@@ -363,7 +363,7 @@ TEST(SweepSearch, RefusesWhatAnyOfItsRunsCouldNotDo) {
               HasSubstr("more than 10000"));
 }
 
-TEST(LocalSlots, GiveEveryRunCoresOfItsOwnAndCheckTheSums) {
+TEST(LocalSlots, GiveEveryRunSeparateCoresAndCheckTheSums) {
   SweepPlan plan =
       plan_of(std::string(kSmall) + "[resources]\ncores = 2\nmemory_gb = 3\n[local]\nat_once = 2\n");
   const std::vector<int> cpus = {1, 3, 5, 7, 9};
@@ -383,7 +383,7 @@ TEST(LocalSlots, GiveEveryRunCoresOfItsOwnAndCheckTheSums) {
   EXPECT_EQ((*local_slots(plan, 8, cpus, 5, 10'000'000'000, {"4", "6"}))[1].gpus, "6");
 }
 
-TEST(SweepElement, SaysWhatAnAttemptCameTo) {
+TEST(SweepElement, ReportsWhatAnAttemptCameTo) {
   RunRecord begun;
   begun.env_frames_at_start = 1000;
   const auto state = [&](ExitStatus how, bool was_stopped, const char* status, double frames, bool slurm) {

@@ -28,7 +28,7 @@ TEST(LibtorchCheck, FindsTheDriverInBothOfNvidiasLines) {
     EXPECT_EQ(driver_version_in(none), "") << none;
 }
 
-TEST(LibtorchCheck, ReadsWhatAPolicyWorkerSays) {
+TEST(LibtorchCheck, ReadsWhatAPolicyWorkerPrints) {
   const auto seen = parse_libtorch(
       R"({"weights_bytes": 1, "libtorch": {"version": "2.14.1", "library": "/l.so", "cuda": "13.0", "cudnn": 92400,
           "has_nccl": true, "error": "", "devices": [{"name": "NVIDIA H100", "memory_bytes": 85000000000, "capability": "9.0"}]}})");
@@ -45,7 +45,7 @@ TEST(LibtorchCheck, ReadsWhatAPolicyWorkerSays) {
     EXPECT_FALSE(parse_libtorch(bad)) << bad;
 }
 
-TEST(LibtorchCheck, SaysWhatIsWrongBetweenDriverAndLibtorch) {
+TEST(LibtorchCheck, ReportsWhatIsWrongBetweenDriverAndLibtorch) {
   EXPECT_EQ(judge_cuda(with_cuda(""), "", nullptr).level, CheckLevel::kOk);
   const CheckResult no_driver = judge_cuda(with_cuda("13.0"), "", nullptr);
   EXPECT_EQ(no_driver.level, CheckLevel::kOk);

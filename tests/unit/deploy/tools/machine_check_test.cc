@@ -70,7 +70,7 @@ TEST_F(MachineCheck, NamesEachListAndWhatIsMissingOfIt) {
   EXPECT_EQ(check_test_python().level, CheckLevel::kOk);
 }
 
-TEST_F(MachineCheck, AsksARealPythonForVersions) {
+TEST_F(MachineCheck, RunsARealPythonForVersions) {
   if (!test::runs_well("python3 --version"))
     GTEST_SKIP() << "python3 is not installed (deploy/packages_test.txt)";
   setenv("COMRAD_TEST_PYTHON", "python3", 1);

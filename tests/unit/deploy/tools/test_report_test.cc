@@ -83,7 +83,7 @@ TEST(SkippedTest, ReadsTheNameOfASkippedTestOnly) {
   EXPECT_EQ(skipped_test(""), "");
 }
 
-TEST(IsClosingLine, KnowsTheSummaryOfCtest) {
+TEST(IsClosingLine, ReadsTheSummaryOfCtest) {
   EXPECT_TRUE(is_closing_line("100% tests passed, 0 tests failed out of 5"));
   EXPECT_TRUE(is_closing_line("75% tests passed, 1 tests failed out of 4"));
   EXPECT_TRUE(is_closing_line("No tests were found!!!"));
@@ -103,7 +103,7 @@ TEST(TestTime, ReadsNameAndSecondsOfATestThatHasRun) {
   EXPECT_FALSE(test_time(""));
 }
 
-TEST(AllowedWords, StandInBackquotesInTheLastColumn) {
+TEST(AllowedWords, AreInBackquotesInTheLastColumn) {
   const std::vector<std::string> words = allowed_words(
       "# Page with `code`\n| test | words |\n|---|---|\n| `a` | `no disk`, `no root` |\n| b | none |\n| c | "
       "`open |\n");

@@ -75,7 +75,7 @@ TEST(MapPlan, ObliqueOutlinesThatCrossAgreeInTheRoundedCrossing) {
   EXPECT_GT(twice_surface(map, 2), 2 * 100'000);
 }
 
-TEST(MapPlan, CornersThatNobodyNeedsAreLeftOut) {
+TEST(MapPlan, CornersThatNoRoomNeedsAreLeftOut) {
   MapPlan plan;
   const AreaId room = plan.add_area({.name = "room"}, Box{{0, 0}, {256, 256}});
   plan.extend_area(room, Box{{256, 0}, {512, 256}});
@@ -115,7 +115,7 @@ TEST(MapPlan, ADoorIsAShutSlabThatOpens) {
       << "what is seen of a shut door";
 }
 
-TEST(MapPlan, CorridorsLeadRoundWhatStandsInTheWay) {
+TEST(MapPlan, CorridorsLeadRoundObstacles) {
   MapPlan plan;
   const AreaId west = plan.add_area({.name = "west"}, Box{{0, 0}, {256, 256}});
   const AreaId east = plan.add_area({.name = "east"}, Box{{900, 0}, {1156, 256}});

@@ -82,7 +82,7 @@ TEST(HexenWriter, ReadsBackAsItWasWritten) {
   EXPECT_TRUE(again->things[1].ambush && again->things[1].coop && again->things[1].skill[2]);
 }
 
-TEST(HexenWriter, SaysWhatDoesNotFit) {
+TEST(HexenWriter, ReportsWhatDoesNotFit) {
   MapData map = two_rooms();
   map.linedefs[0].id = 5, map.linedefs[0].special = 80;
   EXPECT_THAT(write_hexen(map).error().message, HasSubstr("both a special and an id"));
@@ -194,7 +194,7 @@ TEST(MapPicture, ShowsWhatThingsAreAndFitsAPalette) {
   }
 }
 
-TEST(NodeBuilder, EitherBuildsNodesOrSaysThatTheProgramIsMissing) {
+TEST(NodeBuilder, EitherBuildsNodesOrReportsThatTheProgramIsMissing) {
   WadWriter writer;
   ASSERT_TRUE(writer.add_hexen_map("MAP01", *write_hexen(two_rooms())));
   const auto built = build_nodes(*writer.bytes());

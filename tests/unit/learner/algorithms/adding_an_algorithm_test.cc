@@ -57,7 +57,7 @@ TEST_F(AddingAnAlgorithm, ItsSettingsAreMergedAndItsLearnerIsMade) {
   EXPECT_TRUE((*made)->load(state)) << "its name is in its checkpoints";
 }
 
-TEST_F(AddingAnAlgorithm, ItsNameStandsInTheHelpOfAlgo) {
+TEST_F(AddingAnAlgorithm, ItsNameIsInTheHelpOfAlgo) {
   const SettingRow* const row = find_setting("algo");
   EXPECT_THAT(row->words(), ::testing::Contains("hopeful_ippo"));
   for (const std::string& name : algorithm_names())

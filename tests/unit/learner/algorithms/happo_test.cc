@@ -246,7 +246,7 @@ TEST(Happo, TheOrderOfTheAgentsMatters) {
   EXPECT_FALSE(results[0] == results[1]);
 }
 
-TEST(Happo, MakesAVersionPerAgentAndCriticAndTellsEachOne) {
+TEST(Happo, MakesAVersionPerAgentAndCriticAndReportsEachOne) {
   RunConfig config = small_config();
   config.optimisation.num_epochs = 2;
   config.optimisation.num_batches_per_epoch = 2;

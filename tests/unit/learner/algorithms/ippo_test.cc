@@ -552,7 +552,7 @@ TEST(Ippo, StopsEarlyWhenTheActorLossStandsStill) {
   EXPECT_EQ(moving.update(batch, {})->optimizer_steps, 5);
 }
 
-TEST(Ippo, CountsOneVersionPerOptimizerStepAndTellsEachOne) {
+TEST(Ippo, CountsOneVersionPerOptimizerStepAndReportsEachOne) {
   RunConfig config = small_config();
   config.optimisation.num_epochs = 2;
   config.optimisation.num_batches_per_epoch = 3;

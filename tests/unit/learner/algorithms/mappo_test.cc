@@ -30,7 +30,7 @@ policy::SequenceOutput run(const Mappo& mappo, const RolloutBatch& batch) {
   return mappo.net().sequence(batch.frame, batch.measurement, batch.recurrent_state, batch.reset);
 }
 
-TEST(Mappo, TheCriticSeesAllAgentsOfTheSameStepAndNobodyElse) {
+TEST(Mappo, TheCriticSeesAllAgentsOfTheSameStepAndNoOthers) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   const Mappo mappo(config, shape.env, torch::kCPU);
@@ -47,7 +47,7 @@ TEST(Mappo, TheCriticSeesAllAgentsOfTheSameStepAndNobodyElse) {
     }
 }
 
-TEST(Mappo, GivesEachAgentAValueOfItsOwn) {
+TEST(Mappo, GivesEachAgentASeparateValue) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   const Mappo mappo(config, shape.env, torch::kCPU);

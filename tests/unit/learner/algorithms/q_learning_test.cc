@@ -437,7 +437,7 @@ TEST_P(EveryAlgorithm, AnUpdateLowersTheLossOfItsBatchAndMovesTheTarget) {
   EXPECT_LT(loss_of(*learner, batch), before);
 }
 
-TEST_P(EveryAlgorithm, ACheckpointGoesOnExactly) {
+TEST_P(EveryAlgorithm, ACheckpointContinuesExactly) {
   const RunConfig config = q_config(GetParam(), true);
   const auto one = q_learner(config);
   ReplayBatch batch = q_batch(config, 25);
@@ -754,7 +754,7 @@ TEST(QLearning, AMixersStateMayBeNormalised) {
     }
 }
 
-TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
+TEST(QLearning, ReportsWhatShareOfTargetsAndRewardsWasClipped) {
   RunConfig config = q_config("vdn", false);
   config.optimisation.gamma = 0;
   config.q_learning.q_value_clamp = 1;

@@ -69,7 +69,7 @@ TEST(ReturnNormalizer, KeepsItsStatisticsWhenABatchHasNothingToSay) {
   EXPECT_EQ(normalizer.statistics().count, 1);
 }
 
-TEST(ReturnNormalizer, ClipsWhereItIsToldAndSaysHowOftenItDid) {
+TEST(ReturnNormalizer, ClipsAtTheBoundAndReportsHowOftenItDid) {
   const torch::Tensor values = torch::tensor({-7.0f, 0.0f, 3.0f, 100.0f});
   const torch::Tensor valid = torch::tensor({1, 1, 1, 0}, torch::kUInt8);
   ReturnNormalizer unbounded(0), three(3);

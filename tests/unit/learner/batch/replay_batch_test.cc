@@ -208,7 +208,7 @@ TEST_F(DeadAgentTest, ItsLastDecisionIsTerminatedAndPaidWhatFollows) {
   EXPECT_EQ(before.rewards_read, 1);
 }
 
-TEST_F(DeadAgentTest, ManyStepsOfRewardEndWithItsWayAndTheOtherAgentGoesOn) {
+TEST_F(DeadAgentTest, ManyStepsOfRewardEndWithItsWayAndTheOtherAgentPlaysOn) {
   const ReplayBatch got = batch(options(Unit::kJointStep, 3), {Draw{.item = 0, .step = 0}});
   EXPECT_NEAR(got.reward[0][1].item<double>(), 0.1 + kGamma * paid_, 1e-6);
   EXPECT_EQ(got.terminated[0][1].item<int>(), 1);
@@ -229,7 +229,7 @@ TEST_F(DeadAgentTest, ASequenceEndsForItAlone) {
   EXPECT_NEAR(got.reward[1][1].item<double>(), paid_, 1e-6);
 }
 
-TEST_F(DeadAgentTest, ATeamGoesOnWithoutIt) {
+TEST_F(DeadAgentTest, ATeamPlaysOnWithoutIt) {
   for (const Unit unit : {Unit::kSequence, Unit::kJointStep}) {
     const int step = unit == Unit::kSequence ? -1 : 1;
     const ReplayBatch got = batch(options(unit, 1, false), {Draw{.item = 0, .step = step}});

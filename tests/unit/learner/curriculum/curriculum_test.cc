@@ -61,7 +61,7 @@ TEST(Curriculum, UniformDrawsEveryTaskEquallyOften) {
   for (const int count : drawn) EXPECT_NEAR(count, 1000, 120);
 }
 
-TEST(Curriculum, SequentialGoesOnWhenTheMeanReachesTheThresholdAndNeverBack) {
+TEST(Curriculum, SequentialAdvancesWhenTheMeanReachesTheThresholdAndNeverBack) {
   auto curriculum = made({.kind = CurriculumKind::kSequential,
                           .threshold = 0.5,
                           .max_return = 10.0,
@@ -84,7 +84,7 @@ TEST(Curriculum, SequentialGoesOnWhenTheMeanReachesTheThresholdAndNeverBack) {
   EXPECT_EQ(curriculum->draw(), 2);
 }
 
-TEST(Curriculum, ATaskWithAScaleOfItsOwnIsMeasuredAgainstIt) {
+TEST(Curriculum, ATaskWithASeparateScaleIsMeasuredAgainstIt) {
   auto sequential = made({.kind = CurriculumKind::kSequential,
                           .threshold = 0.5,
                           .max_return = 100.0,

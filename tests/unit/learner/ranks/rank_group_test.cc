@@ -94,7 +94,7 @@ TEST(RankGroup, AddsUpGradientsFromTheFirstRankToTheLastBitForBit) {
   });
 }
 
-TEST(RankGroup, ARendezvousThatNeverCompletesNamesWhoIsMissing) {
+TEST(RankGroup, ARendezvousThatNeverCompletesNamesTheMissingRank) {
   const int rendezvous = memfd_create("ranks", MFD_CLOEXEC);
   const auto alone =
       RankGroup::join({.rank = 0, .count = 3, .rendezvous = rendezvous, .join_timeout_s = 0.3}, {});
@@ -109,7 +109,7 @@ TEST(RankGroup, ARendezvousThatNeverCompletesNamesWhoIsMissing) {
   close(rendezvous);
 }
 
-TEST(RankGroup, AllHaveMetBeforeAnyoneLeavesAgain) {
+TEST(RankGroup, AllHaveMetBeforeAnyLeavesAgain) {
   // Their connections are made pair by pair: one rank could have all its connections while two others still wait.
   // On one core that happens every few times.
   cpu_set_t before, one;
@@ -137,7 +137,7 @@ TEST(RankGroup, ARankThatLeavesEndsTheWaitingOfTheOthersAndEverythingAfterIt) {
   });
 }
 
-TEST(RankGroup, AWatchThatSaysNoEndsTheWaiting) {
+TEST(RankGroup, AWatchThatReturnsFalseEndsTheWaiting) {
   std::atomic<bool> has_ended{false};
   in_ranks(2, [&has_ended](RankGroup& ranks) {
     if (ranks.rank() == 1) {

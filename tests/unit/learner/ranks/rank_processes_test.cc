@@ -68,7 +68,7 @@ TEST_F(RankProcessesTest, OneIsTheCallerAlone) {
   EXPECT_EQ(alone->rendezvous(), -1);
 }
 
-TEST_F(RankProcessesTest, TheFirstSaysWhichOtherEndedAndHow) {
+TEST_F(RankProcessesTest, TheFirstReportsWhichOtherEndedAndHow) {
   RankProcesses processes = fork(3);
   ASSERT_TRUE(have_begun(3));
   EXPECT_TRUE(processes.check());

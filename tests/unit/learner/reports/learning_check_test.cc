@@ -134,7 +134,7 @@ TEST(LearningCheck, ExplorationThatDoesNotEndWithTheRun) {
   EXPECT_THAT(LearningCheck(config_of("ippo")).judge_settings(), IsEmpty());
 }
 
-TEST(LearningCheck, TellsAFindingOnceAfterItStoodSixReportsInARow) {
+TEST(LearningCheck, ReportsAFindingOnceAfterItStoodSixReportsInARow) {
   const MetricValues bad = {{"train/valids_fraction", 0.1}}, good = {{"train/valids_fraction", 1.0}};
   LearningCheck check(config_of("ippo"));
   for (int report = 0; report < 5; ++report) EXPECT_THAT(check.judge(bad), IsEmpty());
@@ -147,7 +147,7 @@ TEST(LearningCheck, TellsAFindingOnceAfterItStoodSixReportsInARow) {
   for (int report = 0; report < 20; ++report) EXPECT_THAT(check.judge(bad), IsEmpty());
 }
 
-TEST(LearningCheck, AHealthyReportSaysNothing) {
+TEST(LearningCheck, AHealthyReportPrintsNothing) {
   const MetricValues values = {{"train/fraction_clipped_first", 0.05},  {"train/adam_gain_encoder", 0.95},
                                {"train/targets_clipped_fraction", 0},   {"train/mixer_state_rms", 1},
                                {"train/explained_variance", 0.4},       {"train/valids_fraction", 1},

@@ -55,7 +55,7 @@ TEST(EpisodeWindow, CountsEpisodesInWhichAnyAgentsReturnIsNotZero) {
   EXPECT_DOUBLE_EQ(values.back().second, 0.5);
 }
 
-TEST(EpisodeWindow, TellsScoresAsSharesOfWhatEachMapAllows) {
+TEST(EpisodeWindow, ReportsScoresAsSharesOfWhatEachMapAllows) {
   const auto share_of = [](const EpisodeWindow& window) {
     MetricValues values;
     window.append_to(values);
@@ -84,7 +84,7 @@ TEST(EpisodeWindow, TellsScoresAsSharesOfWhatEachMapAllows) {
   EXPECT_FALSE(again.restore(older, EpisodeWindow::kFields - 2));
 }
 
-TEST(EpisodeWindow, GoesOnInAnotherProcessWhereItStood) {
+TEST(EpisodeWindow, ContinuesInAnotherProcess) {
   EpisodeWindow window(3);
   for (int i = 0; i < 4; ++i) {
     EXPECT_EQ(window.is_full(), i == 3) << i;

@@ -24,7 +24,7 @@ TEST(LinearSchedule, IsALineBetweenItsEndsAndFlatOutside) {
   EXPECT_DOUBLE_EQ(LinearSchedule(0.4, 1.0, 0).at(0), 1.0);
 }
 
-TEST(LinearSchedule, GoesOnFromWhereItStoodWhenTheRunIsMadeLonger) {
+TEST(LinearSchedule, ContinuesFromWhereItWasWhenTheRunIsMadeLonger) {
   const LinearSchedule line = resumed({0.4, 1.0, 1000}, {0.4, 1.0, 3000}, 500);
   EXPECT_DOUBLE_EQ(line.at(500), 0.7);  // a line from 0 to 3000 would stand at 0.5
   EXPECT_DOUBLE_EQ(line.at(1750), 0.85);

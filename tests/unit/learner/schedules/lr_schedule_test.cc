@@ -20,7 +20,7 @@ TEST(LrSchedule, ConstantStaysConstant) {
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 1e-4);
 }
 
-TEST(LrSchedule, TheSettingMayBeAScheduleOfItsOwn) {
+TEST(LrSchedule, TheSettingMayBeASeparateSchedule) {
   RunConfig config = config_with(RateSchedule::kConstant);
   config.optimisation.learning_rate = *Schedule::parse("4e-4@0..2e-4@500,1e-5@800");
   LrSchedule schedule(config);
@@ -51,7 +51,7 @@ TEST(LrSchedule, LinearDecayReachesZeroAtTheLastEnvFrame) {
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 0);
 }
 
-TEST(LrSchedule, AnExtendedRunGoesOnFromTheRateItHadToZeroAtItsNewEnd) {
+TEST(LrSchedule, AnExtendedRunContinuesFromTheRateItHadToZeroAtItsNewEnd) {
   LrSchedule first(config_with(RateSchedule::kLinearDecay));
   first.before_batch(800);
   StateDict state;

@@ -88,7 +88,7 @@ TEST(ReplayFeed, ATrainedPolicyWaitsForAFewBatchesOnly) {
   EXPECT_EQ(decisions_before_training(*sooner), 32) << "never later than a fresh run";
 }
 
-TEST(ReplayFeed, TheWeightsExponentGoesOnWhereARunIsMadeLonger) {
+TEST(ReplayFeed, TheWeightsExponentContinuesWhereARunIsMadeLonger) {
   const auto feed = feed_of(config_of());
   feed->set_env_frames(5000);
   EXPECT_DOUBLE_EQ(feed->beta(), 0.7);

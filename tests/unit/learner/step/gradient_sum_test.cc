@@ -100,7 +100,7 @@ TEST(GradientSum, KeepsAFewPartsAtATime) {
   EXPECT_EQ(gradients_held(all, 1), 1);
 }
 
-TEST(GradientSum, StopsWhenItIsToldTo) {
+TEST(GradientSum, StopsOnRequest) {
   const std::vector<Tensor> all = parameters();
   device::PartPool pool(1);
   int64_t asked = 0, added = 0;

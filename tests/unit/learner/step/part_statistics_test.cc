@@ -18,7 +18,7 @@ std::map<std::string, double> numbers_of(const PartStatistics& parts) {
   return {values.begin(), values.end()};
 }
 
-TEST(PartStatistics, KnowsThePartOfEveryParameterOfEveryNetwork) {
+TEST(PartStatistics, FindsThePartOfEveryParameterOfEveryNetwork) {
   std::map<std::string, std::vector<std::string>> parts_of;
   for (const char* algo : {"ippo", "mappo", "happo", "qmix"}) {
     RunConfig config = test::small_config(algo, 2);

@@ -306,7 +306,7 @@ TEST_F(LearnerTest, TrainingThatCannotLearnIsBadInputAndLeavesNoCheckpoint) {
   EXPECT_TRUE(CheckpointStore((folder_ / "run/checkpoint").string(), 2).list().empty());
 }
 
-TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasAnExitCodeOfItsOwn) {
+TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasASeparateExitCode) {
   RunConfig config = small_config();
   config.run.train_for_env_frames = 2 * 16 * 4;
   fs::create_directories(folder_ / "run");
@@ -317,7 +317,7 @@ TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasAnExitCodeOfItsOwn) {
   EXPECT_EQ(outcome.version, 2u) << "it is trained";
 }
 
-TEST_F(LearnerTest, GoesOnFromTheNewestCheckpointThatCanBeRead) {
+TEST_F(LearnerTest, ContinuesFromTheNewestCheckpointThatCanBeRead) {
   RunConfig config = small_config();
   config.run.train_for_env_frames = 2 * 16 * 4;
   ASSERT_TRUE(live(config, "run").status);

@@ -66,7 +66,7 @@ Answer answer_of(const shm::Arena& arena, const FakeEnv& env, int env_index, int
   return answer;
 }
 
-TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
+TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkComputes) {
   const NetworkOptions options = small_network("lstm");
   const shm::Arena arena = make_arena(options, {});
   const ActorCritic net = make_net(options);

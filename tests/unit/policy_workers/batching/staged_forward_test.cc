@@ -57,7 +57,7 @@ TEST(StagedForward, BatchesAreRoundedUpToFewSizes) {
 
 class EveryStagedCore : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(EveryStagedCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
+TEST_P(EveryStagedCore, ComputesWhatThePlainPassComputesWhileStatesStayOnTheDevice) {
   const NetworkOptions options = small_network(GetParam());
   const bool has_state = options.recurrent_state_count() > 0;
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 10});

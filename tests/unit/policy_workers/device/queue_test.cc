@@ -143,7 +143,7 @@ TEST(Readback, BringsWhatWasComputedBeforeIt) {
   EXPECT_EQ(read.values()[2], 4);
 }
 
-TEST(Readback, IsThereAtOnceOnACpuUnlessATestWantsItLate) {
+TEST(Readback, IsThereAtOnceOnACpuUnlessATestDelaysIt) {
   const int64_t before = host_waits();
   const Tensor numbers = torch::arange(3, torch::kFloat64);
   Readback at_once(numbers);

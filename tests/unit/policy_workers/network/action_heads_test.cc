@@ -180,7 +180,7 @@ TEST(ExploreAction, DrawsEveryHeadForItself) {
     }
 }
 
-TEST(ExploreAction, OneHeadAloneLeavesTheGreedyActionOfFiveAsOftenAsEpsilonSays) {
+TEST(ExploreAction, OneHeadAloneLeavesTheGreedyActionOfFiveAsOftenAsEpsilonStates) {
   const EnvShape env = shape_of({3, 3, 3, 2, 3});  // the 162 compound actions of Armory Siege
   const std::vector<float> q = {1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0};
   constexpr int kDraws = 20'000;

@@ -243,7 +243,7 @@ TEST(ActorCritic, HappoHasTheParameterCountOfTheSpecification) {
   EXPECT_EQ(actors + critic, net.parameter_count());
 }
 
-TEST(ActorCritic, ASharedNetworkTellsAgentsApartOnlyByTheirIndex) {
+TEST(ActorCritic, ASharedNetworkDistinguishesAgentsOnlyByTheirIndex) {
   for (const auto& [name, differs] :
        {std::pair("shared", false), {"id", true}, {"id_feedforward", true}, {"separate", true}}) {
     const NetworkOptions options = variant(name);

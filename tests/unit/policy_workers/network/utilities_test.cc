@@ -125,7 +125,7 @@ TEST(ChosenEntries, AreOnePerHeadOfEveryRow) {
   EXPECT_TRUE(q.grad().equal(multi_hot(action, env)));
 }
 
-TEST(MultiHot, TellsAllCompoundActionsApart) {
+TEST(MultiHot, DistinguishesAllCompoundActions) {
   const EnvShape env = siege_heads();
   const Tensor hot = multi_hot(all_actions(env), env);
   ASSERT_EQ(hot.sizes(), torch::IntArrayRef({162, 14}));

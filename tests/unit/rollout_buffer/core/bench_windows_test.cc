@@ -23,7 +23,7 @@ TEST(SpreadOf, IsTheRangeOverTheMedian) {
   EXPECT_DOUBLE_EQ(spread_of({8, 10, 14}), 0.6);
 }
 
-TEST(BenchWindows, EachHoldsTheRateOfItsOwnTime) {
+TEST(BenchWindows, EachHoldsTheRateOfItsTime) {
   BenchWindows windows(4, 2);
   EXPECT_FALSE(windows.see(10, 1));
   EXPECT_FALSE(windows.see(20, 2));

@@ -52,7 +52,7 @@ TEST_F(FilesTest, AWriteReplacesTheOldFileAndLeavesNothingBeside) {
   }
 }
 
-TEST_F(FilesTest, AWriteIntoAMissingFolderSaysWhere) {
+TEST_F(FilesTest, AWriteIntoAMissingFolderNamesIt) {
   const Status written = write_file_atomically(folder_ + "/missing/config.toml", "text", false);
   ASSERT_FALSE(written);
   EXPECT_EQ(written.error().code, ErrorCode::kNotFound);

@@ -31,7 +31,7 @@ TEST(YieldToOthers, IsALowPriorityOfTheProcessAndItsChildrenAndMakesPatient) {
   }
 }
 
-TEST(ExitCode, TellsBadInputFromFailure) {
+TEST(ExitCode, DistinguishesBadInputFromFailure) {
   EXPECT_EQ(exit_code({ErrorCode::kBadInput, ""}), kExitBadInput);
   EXPECT_EQ(exit_code({ErrorCode::kNotFound, ""}), kExitBadInput);
   EXPECT_EQ(exit_code({ErrorCode::kNoSpace, ""}), kExitFailed);

@@ -88,7 +88,7 @@ TEST(StageClock, CountsOnlyWhereTheFolderIsThereAndOthersReadIt) {
   expect_between(Stage::kForwardBackward, 0.02, process_s - seconds_of(all[0], Stage::kCollate));
 }
 
-TEST(NameOf, EveryStageHasOneOfItsOwn) {
+TEST(NameOf, EveryStageHasASeparateOne) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < kStageCount; ++i) names.emplace_back(name_of(static_cast<Stage>(i)));
   std::ranges::sort(names);

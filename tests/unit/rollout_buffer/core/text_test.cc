@@ -76,7 +76,7 @@ TEST(EditDistance, IsThePlainRecursionOfItsDefinition) {
   }
 }
 
-TEST(NearestWord, FindsTyposAndRefusesStrangers) {
+TEST(NearestWord, FindsTyposAndRefusesUnknownWords) {
   const std::vector<std::string> known = {"seed", "rollout", "batch_size"};
   EXPECT_EQ(nearest_word("rolout", known), "rollout");
   EXPECT_EQ(nearest_word("Batch_Szie", known), "batch_size");

@@ -46,7 +46,7 @@ class Keys : public ::testing::Test {
   int64_t made_between_s_[2] = {};
 };
 
-TEST_F(Keys, AreAsCheckWantsThemAndForTheirOwnerAlone) {
+TEST_F(Keys, AreAsCheckExpectsThemAndForTheirOwnerAlone) {
   const auto run = check_keys(keys_ + "/run"), a = check_keys(host_), b = check_keys(keys_ + "/hosts/b");
   ASSERT_TRUE(run && a && b);
   EXPECT_EQ(run->role, KeyRole::kRun);

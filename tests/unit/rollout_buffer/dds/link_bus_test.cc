@@ -145,7 +145,7 @@ TEST(LinkBus, RefusesWhatIsBeyondATopicsBound) {
   }
 }
 
-TEST(LinkBus, ANetworkWithoutKeysIsUsedOnlyWhereSomebodySaysSo) {
+TEST(LinkBus, ANetworkWithoutKeysIsUsedOnlyOnRequest) {
   BusConfig config = link_config(fresh_id());
   config.interface_name = "eth0";
   const auto refused = LinkBus::open(config);

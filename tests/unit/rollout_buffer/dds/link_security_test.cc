@@ -102,7 +102,7 @@ int join(const BusConfig& config, uint64_t peer_id, const std::function<bool()>&
   return states == 0 && weights == 0 ? 10 : 11;
 }
 
-TEST(LinkSecurity, StrangersOnTheNetworkGetNothingAndLeaveOneLineEach) {
+TEST(LinkSecurity, UnknownPeersOnTheNetworkGetNothingAndLeaveOneLineEach) {
   const test::NetworkPair network(3);
   if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
   const test::ScratchFolder folder;

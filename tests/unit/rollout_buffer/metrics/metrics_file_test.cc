@@ -98,7 +98,7 @@ TEST_F(MetricsFileTest, WritesTheSameNumbersToBothFiles) {
   EXPECT_EQ(events[2].summary().value_size(), 0);
 }
 
-TEST_F(MetricsFileTest, AResumedRunSaysFromWhereOlderFilesAreForgotten) {
+TEST_F(MetricsFileTest, AResumedRunRecordsFromWhereOlderFilesAreForgotten) {
   {
     Expected<EventFile> file = EventFile::create(folder_.string());
     ASSERT_TRUE(file);

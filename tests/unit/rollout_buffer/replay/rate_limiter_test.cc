@@ -21,7 +21,7 @@ TEST(RateLimiter, SamplesOnlyFromTheSmallestSizeOn) {
   EXPECT_TRUE(limiter.can_insert(1'000'000));
 }
 
-TEST(RateLimiter, TellsHowMuchOfTheSmallestSizeIsThere) {
+TEST(RateLimiter, ReportsHowMuchOfTheSmallestSizeIsThere) {
   RateLimiter limiter({.min_size_to_sample = 100});
   EXPECT_EQ(limiter.filled(), 0);
   limiter.inserted(61);
@@ -48,7 +48,7 @@ TEST(RateLimiter, KeepsBothSidesWithinTheTolerance) {
   EXPECT_FALSE(limiter.can_sample(5));
 }
 
-TEST(RateLimiter, TellsWhichInsertsWaitForTheirSamples) {
+TEST(RateLimiter, ReportsWhichInsertsWaitForTheirSamples) {
   RateLimiter limiter({.samples_per_insert = 4, .min_size_to_sample = 10, .error_buffer = 80});
   limiter.inserted(8);
   EXPECT_EQ(limiter.pending_inserts(), 0) << "the first ones are waited for";
@@ -67,7 +67,7 @@ TEST(RateLimiter, TellsWhichInsertsWaitForTheirSamples) {
   EXPECT_EQ(without_ratio.inserts_per_sample(), 33);
 }
 
-TEST(RateLimiter, TheLongRunRatioIsTheOneAskedFor) {
+TEST(RateLimiter, TheLongRunRatioIsTheRequestedOne) {
   RateLimiter limiter({.samples_per_insert = 0.25, .min_size_to_sample = 64, .error_buffer = 300});
   ASSERT_TRUE(validate({.samples_per_insert = 0.25, .min_size_to_sample = 64, .error_buffer = 300}, 64, 256));
   for (int i = 0; i < 20'000; ++i) {  // each side that may, goes: greedy
@@ -133,7 +133,7 @@ TEST(RateLimiter, TwoThreadsKeepTheirRatio) {
   EXPECT_EQ(limiter.insert_count(), 4000);
 }
 
-TEST(RateLimiter, CountsOfACheckpointGoOn) {
+TEST(RateLimiter, CountsOfACheckpointContinue) {
   RateLimiter limiter({.samples_per_insert = 1, .min_size_to_sample = 10, .error_buffer = 5});
   limiter.restore(100, 90);
   EXPECT_TRUE(limiter.can_sample(5));

@@ -45,7 +45,7 @@ TEST(ReplayPlan, TakesAThirdOfFreeMemoryAndCompressesWhereThatIsTooLittle) {
   EXPECT_THAT(plan.reason, HasSubstr("LZ4 on"));
 }
 
-TEST(ReplayPlan, SaysHowManyDecisionsFitAndWhenLearningBegins) {
+TEST(ReplayPlan, ReportsHowManyDecisionsFitAndWhenLearningBegins) {
   RunConfig config = config_of(0.05);
   config.q_learning.learning_starts_decisions = 50'000;
   const ReplayPlan little = plan_of(config, 10);

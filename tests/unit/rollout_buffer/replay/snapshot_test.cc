@@ -86,7 +86,7 @@ INSTANTIATE_TEST_SUITE_P(Backings, SnapshotBetween,
                                   std::get<1>(one.param).name;
                          });
 
-TEST(Snapshot, GoesOnExactlyAsTheSavedOne) {
+TEST(Snapshot, ContinuesExactlyAsTheSavedOne) {
   const test::ScratchFolder folder;
   TrajectoryStore saver = make(small_shape()), loader = make(small_shape());
   append(saver, 0, 57);  // somewhere in a later round of the ring

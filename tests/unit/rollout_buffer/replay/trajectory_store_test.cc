@@ -269,7 +269,7 @@ TEST(TrajectoryStore, AnImpossibleLengthCountsAsTheWholeSlabAndNoLengthStoresNot
   EXPECT_EQ(store->commit(pool.view(0)), kNoItem) << "what was prepared is committed once";
 }
 
-TEST(TrajectoryStore, ASingleStepKeepsNoRecurrentStateWhenTold) {
+TEST(TrajectoryStore, ASingleStepKeepsNoRecurrentStateOnRequest) {
   const TrajectoryShape shape = small_shape();
   const SlabPool pool(shape, 1);
   auto store =

@@ -142,7 +142,7 @@ TEST(SlabView, FramesOfAStepAreTheAgentsFramesInOrder) {
   EXPECT_EQ(slab.frames(2).data() + slab.frames(2).size(), slab.frame(3, 0).data());
 }
 
-TEST(SlabView, ClearSaysThatNothingHappened) {
+TEST(SlabView, ClearLeavesAnEmptyStep) {
   const SlabOffsets offsets(shape_of(2, 4, 1));
   std::vector<std::byte> memory(static_cast<std::size_t>(offsets.slab_bytes), std::byte{0x5A});
   const SlabView slab(offsets, memory.data());

@@ -58,7 +58,7 @@ TEST(AppliesWhen, AnotherSettingMayDecide) {
   EXPECT_FALSE(applies("layout_seed", {{"layout_pool", "train:10"}}));
 }
 
-TEST(AppliesWhen, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
+TEST(AppliesWhen, EverySettingStatesWhereItAppliesAndEachDoesSomewhere) {
   const std::vector<std::pair<std::string, std::string>> algorithms[] = {
       {{"algo", "ippo"}, {"with_vtrace", "true"}, {"normalize_returns", "false"}},
       {{"algo", "mappo"}, {"lr_schedule", "kl_adaptive_epoch"}, {"wad", "a.wad"}},
@@ -79,7 +79,7 @@ TEST(AppliesWhen, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
   }
 }
 
-TEST(Units, TheHelpOfEveryNumberSaysIts) {
+TEST(Units, TheHelpOfEveryNumberStatesIts) {
   // Amounts, and what numbers without a unit are.
   const std::regex unit(
       "env frames|agent decisions|joint decisions|decisions|sequences|trajector|optimizer "

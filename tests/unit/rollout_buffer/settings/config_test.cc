@@ -112,7 +112,7 @@ TEST(ApplyLayer, AValueOfTheWrongTypeIsRefused) {
   EXPECT_EQ(config.optimisation.gamma, 0.99);
 }
 
-TEST(ApplyLayer, AWordThatNoSettingKnowsIsRefusedWithThoseItKnows) {
+TEST(ApplyLayer, AWordThatNoSettingHasIsRefusedWithTheValidOnes) {
   RunConfig config;
   for (const auto& [key, text, known] : std::vector<std::array<std::string, 3>>{
            {"algo", "ddpg", "ippo, mappo"},

@@ -32,7 +32,7 @@ TEST(AlgorithmDefaults, IppoIsLstmWithFourEpochs) {
   }
 }
 
-TEST(AlgorithmDefaults, HappoIsGruWithOneEpochLinearDecayAndNetworksOfItsOwn) {
+TEST(AlgorithmDefaults, HappoIsGruWithOneEpochLinearDecayAndSeparateNetworks) {
   RunConfig config = two_agents();
   config.run.algo = "happo";
   ASSERT_TRUE(apply_layer(config, algorithm_defaults("HAPPO")));

@@ -34,7 +34,7 @@ TEST(SeatPlan, ReadsBackWhatItWrites) {
   EXPECT_THAT(read->seats_of(SeatPlayer::kRandom), ElementsAre(5));
 }
 
-TEST(SeatPlan, RefusesWhatNobodyCanPlay) {
+TEST(SeatPlan, RefusesWhatNoPlayerCanPlay) {
   for (const auto& [text, message] : std::vector<std::pair<std::string, std::string>>{
            {"", "lists no seats"},
            {"seat = 3", "lists no seats"},

@@ -85,14 +85,14 @@ TEST(ArenaSocket, AJoinerWaitsForARunThatStartsLater) {
   peer.join();
 }
 
-TEST(ArenaSocket, NobodyListensIsNotFound) {
+TEST(ArenaSocket, WithoutAListenerIsNotFound) {
   const Expected<Arena> joined = join_arena(unique_name("absent"), request_of("sim", 0), 100);
   ASSERT_FALSE(joined);
   EXPECT_EQ(joined.error().code, ErrorCode::kNotFound);
   EXPECT_THAT(joined.error().message, HasSubstr("no run listens on"));
 }
 
-TEST(ArenaSocket, ATakenNameSaysThatARunIsAlive) {
+TEST(ArenaSocket, ATakenNameMeansThatARunIsAlive) {
   const Arena arena = make_arena();
   const Expected<ArenaServer> first = ArenaServer::listen(unique_name("taken"), arena);
   ASSERT_TRUE(first);
@@ -114,7 +114,7 @@ TEST(ArenaSocket, BadNamesAreRefused) {
   EXPECT_FALSE(join_arena(std::string(200, 'x'), request_of("sim", 0), 10));
 }
 
-TEST(ArenaSocket, AWrongMagicIsRefusedAndTheServerGoesOn) {
+TEST(ArenaSocket, AWrongMagicIsRefusedAndTheServerContinues) {
   const Arena arena = make_arena();
   Expected<ArenaServer> server = ArenaServer::listen(unique_name("magic"), arena);
   ASSERT_TRUE(server);
@@ -136,7 +136,7 @@ TEST(ArenaSocket, AWrongMagicIsRefusedAndTheServerGoesOn) {
   honest.join();
 }
 
-TEST(ArenaSocket, AnotherLayoutVersionIsToldSo) {
+TEST(ArenaSocket, AnotherLayoutVersionIsRefused) {
   const Arena arena = make_arena();
   Expected<ArenaServer> server = ArenaServer::listen(unique_name("version"), arena);
   ASSERT_TRUE(server);

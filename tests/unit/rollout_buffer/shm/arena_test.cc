@@ -186,7 +186,7 @@ TEST(Arena, AdoptTrustsNoNumberOfTheHeader) {
   EXPECT_GT(refused, tried / 2);
 }
 
-TEST(Arena, WrongVersionSaysWhatToDo) {
+TEST(Arena, WrongVersionReportsWhatToDo) {
   const Arena arena = make_arena();
   const Expected<Segment> whole = Segment::adopt(dup(arena.descriptor()));
   ASSERT_TRUE(whole);

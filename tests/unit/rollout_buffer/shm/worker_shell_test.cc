@@ -80,7 +80,7 @@ TEST_F(WorkerShellTest, WhatAnotherStartMayRepairExitsWithOne) {
   EXPECT_THAT(log("test-0"), HasSubstr("a library's"));
 }
 
-TEST_F(WorkerShellTest, WorkThatIsDoneButNotSavedHasACodeOfItsOwn) {
+TEST_F(WorkerShellTest, WorkThatIsDoneButNotSavedHasASeparateCode) {
   EXPECT_EXIT(live({"--arena", "a"}, failing(ErrorCode::kNotSaved)), ExitedWithCode(kExitNotSaved), "");
 }
 
@@ -97,7 +97,7 @@ TEST_F(WorkerShellTest, ACommandLineThatCannotBeReadExitsWithTwo) {
   EXPECT_EXIT(live({"--arena", "a"}, never), ExitedWithCode(kExitBadInput), "rollout");
 }
 
-TEST_F(WorkerShellTest, InARunSigtermAsksToStopAndSigintIsNotForWorkers) {
+TEST_F(WorkerShellTest, InARunSigtermRequestsAStopAndSigintIsNotForWorkers) {
   const auto run = [this] {
     WorkerShell shell({.name = "comrad-test-worker", .role = "test", .description = ""});
     live(shell, {"--arena", "a", "--worker_index", "7"},
@@ -124,7 +124,7 @@ TEST_F(WorkerShellTest, ABenchIsEndedBySignalsAndWritesNothingIntoTheRun) {
   EXPECT_EQ(log("test-0"), "");
 }
 
-TEST_F(WorkerShellTest, JoinsAsWhoItIs) {
+TEST_F(WorkerShellTest, JoinsWithItsRole) {
   const auto run = [this] {
     const Arena arena = *Arena::create(test::small_arena_shape(), 11);
     Expected<ArenaServer> server =

@@ -71,7 +71,7 @@ TEST(CoopHealthGatheringRules, WithoutKitsTheTwentiethHitKillsAtClock640) {
   EXPECT_TRUE(play.world.level_exited());
 }
 
-TEST(CoopHealthGatheringRules, TheLayoutSaysHowMuchTheFloorHurts) {
+TEST(CoopHealthGatheringRules, TheLayoutSetsHowMuchTheFloorHurts) {
   Play play(arena(), {.damage = 7});
   play.tics(33);
   EXPECT_EQ(play.world.player(0).health, 93);

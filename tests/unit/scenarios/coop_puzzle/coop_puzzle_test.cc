@@ -81,7 +81,7 @@ TEST(CoopPuzzle, ADoorIsNotSentDownOntoABody) {
   EXPECT_EQ(game.body(other).health, 100);
 }
 
-TEST(CoopPuzzle, TheSyncRoomWantsBothAtOnceAndStaysOpenForThreeSeconds) {
+TEST(CoopPuzzle, TheSyncRoomRequiresBothAtOnceAndStaysOpenForThreeSeconds) {
   PlayedScenario game(kScenario);
   game.run(8);
   const double x = 384.0 * 6 - 192 + 128;

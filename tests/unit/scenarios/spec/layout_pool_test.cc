@@ -95,7 +95,7 @@ TEST_F(LayoutPool, HeldOutMapsAreInEveryEvaluationPoolAndInNoneForTraining) {
                     HasSubstr("--no-vary"), HasSubstr("--set NAME=VALUE: side"), HasSubstr("--count")));
 }
 
-TEST_F(LayoutPool, AMapIsInAPoolOnceAndAnExhaustedRecipeSaysHowManyThereAre) {
+TEST_F(LayoutPool, AMapIsInAPoolOnceAndAnExhaustedRecipeReportsHowManyThereAre) {
   PoolRequest request{.kind = PoolKind::kTrain, .count = 40};
   request.layout.parameters = {{"variety", "0"}};
   PoolTally tally;

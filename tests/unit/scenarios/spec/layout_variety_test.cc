@@ -86,7 +86,7 @@ TEST_P(VariedRecipe, IsThePublishedMapWhereNothingIsVaried) {
   EXPECT_EQ(doomgen::content_hash(doomgen::write_udmf(drawn->map)), kPublishedMaps.at(GetParam()));
 }
 
-TEST_P(VariedRecipe, CanBeDrawnAgainFromWhatTheWadSays) {
+TEST_P(VariedRecipe, CanBeDrawnAgainFromWhatTheWadRecords) {
   LayoutRequest request{.seed = 5};
   for (const auto& [name, value] : recipe_.pool_values)
     request.parameters.emplace_back(name, std::to_string(value));

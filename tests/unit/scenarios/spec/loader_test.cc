@@ -108,7 +108,7 @@ TEST_F(ScenarioLoader, ReadsEverything) {
   EXPECT_EQ(spec->shape(3, false).measurement_count, 0);
 }
 
-TEST_F(ScenarioLoader, SettingsStandInATableOfTheirPresetAndAlgorithm) {
+TEST_F(ScenarioLoader, SettingsAreInATableOfTheirPresetAndAlgorithm) {
   const auto spec = load(std::string(kGood) + "[training.paper.DQN]\nrollout = 16\n");
   ASSERT_TRUE(spec) << spec.error().message;
   EXPECT_THAT(spec->training.values, Contains(Pair("paper.idqn.rollout", "16")));

@@ -124,7 +124,7 @@ TEST_P(EveryRecipe, ItsScenarioFileIsWholeAndItsTeamsFindStarts) {
 INSTANTIATE_TEST_SUITE_P(All, EveryRecipe, testing::ValuesIn(layout_recipes()),
                          [](const auto& one) { return one.param; });
 
-TEST_P(EveryRecipe, ItsScenarioFileSaysTheCeilingOfTheDefaultMap) {
+TEST_P(EveryRecipe, ItsScenarioFileHasTheCeilingOfTheDefaultMap) {
   const auto spec = load_scenario(GetParam());
   ASSERT_TRUE(spec) << spec.error().message;
   const auto ceilings = default_ceilings(*spec);
@@ -276,7 +276,7 @@ TEST(Resources, ASiegeIsMadeForTeamsWhoseShotsAndShellsSuffice) {
   EXPECT_TRUE(is_made(4, "150", "1000"));
 }
 
-TEST(Resources, HuntersWhoHaveNoRoomToKeepApartGetNoMap) {
+TEST(Resources, HuntersWithoutRoomToKeepApartGetNoMap) {
   // Walls shut most of the arena off: of 20 seeds none leaves four hunters 640 units from one another's demons.
   const auto layout = generate_layout(
       "smart_enemies",
@@ -299,7 +299,7 @@ TEST(Resources, TeamSizesThatAMapIsNotEnoughForHaveNoCeiling) {
   EXPECT_FALSE(layout->info.ceiling.contains(4));
 }
 
-TEST(LayoutScriptText, DefinesWhatTheRecipeKnows) {
+TEST(LayoutScriptText, DefinesWhatTheRecipeDefines) {
   DrawnLayout layout;
   layout.map.things.push_back({.editor_number = 1});
   layout.map.things.push_back({.editor_number = 2});

@@ -163,7 +163,7 @@ TEST(ReferenceVariant, PuzzlesFirstEpisodesArePaidAsTheirRecords) {
   EXPECT_EQ(load("coop_puzzle").decision_limit, 2000);
 }
 
-TEST(ReferenceVariant, ArmoryPaysKillsToEachAndTheCoresFallToNobody) {
+TEST(ReferenceVariant, ArmoryPaysKillsToEachAndTheCoresFallToNone) {
   const auto play = [](const std::string& name, int kills) {
     Record record(name);
     record.set("core_hp", 1000).decide();  // which is before the fall of the next line
@@ -265,7 +265,7 @@ class OwnVariant : public testing::Test {
   test::ScratchFolder scratch_;
 };
 
-TEST_F(OwnVariant, SaysWhatItChangesAndNothingThatItIs) {
+TEST_F(OwnVariant, StatesWhatItChangesAndNothingThatItIs) {
   EXPECT_EQ(error_of("decision_limit = 7\n[globals]\ngoal = 3\nUSER60 = -1\n[[rewards]]\nname = "
                      "\"stall\"\nweight = 0.0\n"),
             "no error");

@@ -91,7 +91,7 @@ TEST_F(VizdoomScenario, HeadsCanBeChosen) {
   EXPECT_THAT(change_heads(*masked, "ATTACK").error().message, HasSubstr("[[masks]]"));
 }
 
-TEST_F(VizdoomScenario, MoreHeadsThanAnAgentHasAskForAChoice) {
+TEST_F(VizdoomScenario, MoreHeadsThanAnAgentHasRequireAChoice) {
   auto spec = load(
       "doom_scenario_path = room.wad\navailable_buttons = { ATTACK ALTATTACK USE SPEED MOVE_LEFT TURN_LEFT "
       "MOVE_FORWARD JUMP SELECT_WEAPON1 }\n");
@@ -153,7 +153,7 @@ TEST_F(VizdoomScenario, WithoutATimeoutAnEpisodeEndsAfterTenMinutes) {
   EXPECT_EQ(spec->limit_tics(), kEngineLimitTics + 10);
 }
 
-TEST_F(VizdoomScenario, AHostSaysHowManyPlay) {
+TEST_F(VizdoomScenario, AHostSetsHowManyPlay) {
   const auto spec = load(std::string(kPlain) + "game_args = -host 2 -deathmatch +viz_respawn_delay 2\n");
   ASSERT_TRUE(spec) << spec.error().message;
   EXPECT_EQ(spec->default_agents, 2);

@@ -146,7 +146,7 @@ TEST(StealthLabyrinth, ATurretCanBeHurtOnlyWhileItsRoomIsLit) {
   EXPECT_FALSE(game.can_be_hurt(0));
 }
 
-TEST(StealthLabyrinth, TheTurretHuntsWhoeverIsNearerToTheMiddleOfItsRoom) {
+TEST(StealthLabyrinth, TheTurretHuntsTheAgentNearerToTheMiddleOfItsRoom) {
   Game game;
   game.put(kTorch, 0, 600), game.put(kGunner, 100, 560);
   game.decide();

@@ -44,7 +44,7 @@ TEST(Describe, HasEveryTermOfEveryScenario) {
   }
 }
 
-TEST(Describe, TellsPeopleWhatATermMeans) {
+TEST(Describe, ExplainsATerm) {
   const test::ScratchFolder home;
   home.write("toy/scenario.toml", R"(name = "toy"
 title = "Toy"

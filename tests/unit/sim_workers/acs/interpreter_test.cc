@@ -407,7 +407,7 @@ TEST(Interpreter, BuildsTextsInsideTexts) {
 
 int32_t text_number(BehaviorBuilder& out, std::string_view text) { return out.text(text); }
 
-TEST(Interpreter, KnowsItsWayRoundTexts) {
+TEST(Interpreter, HandlesTexts) {
   const auto number = [](const std::function<void(BehaviorBuilder&)>& write) {
     return evaluate(Container::kCompact, write);
   };
@@ -623,7 +623,7 @@ TEST(Interpreter, NamedScriptsStartInTheirOrderAndBeforeNumberedOnes) {
   EXPECT_EQ(game.tic().global(1), 1342);
 }
 
-TEST(Interpreter, TableKnowsEveryNumber) {
+TEST(Interpreter, TheTableHasEveryNumber) {
   for (std::size_t code = 0; code < bytecode::kPCodeCount; ++code)
     EXPECT_FALSE(bytecode::kPCodes[code].name.empty());
   EXPECT_EQ(bytecode::kPCodes[245].name, "SetActorProperty");

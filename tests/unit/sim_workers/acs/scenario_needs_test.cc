@@ -169,7 +169,7 @@ TEST(ScenarioNeeds, AMeleeZombieHitsForExactlyTen) {
   for (const int32_t loss : losses) EXPECT_EQ(loss, 10);
 }
 
-TEST(ScenarioNeeds, ATurretFiresBoltsOfItsOwn) {
+TEST(ScenarioNeeds, ATurretFiresSeparateBolts) {
   Scene scene(
       R"(actor Turret : DoomImp 16000 { Health 140 Speed 0 Radius 24 PainChance 0 Mass 0x7fffffff +LOOKALLAROUND
       +MISSILEEVENMORE DropItem None
@@ -195,7 +195,7 @@ TEST(ScenarioNeeds, ATurretFiresBoltsOfItsOwn) {
   EXPECT_EQ(scene.world.actor(id)->x, to_fixed(400)) << "it does not move";
 }
 
-TEST(ScenarioNeeds, ABonusOfItsOwnIsTakenAtFullHealthAndRunsItsScript) {
+TEST(ScenarioNeeds, ACustomBonusIsTakenAtFullHealthAndRunsItsScript) {
   BehaviorBuilder code(Container::kCompact);
   code.script(40).op(PCode::kIncGlobalVar, {1}).op(PCode::kPlayerNumber).store_global(2).end();
   Scene scene(R"(actor ForageBonus : CustomInventory 15040 { +INVENTORY.ALWAYSPICKUP
@@ -493,7 +493,7 @@ TEST(ScenarioNeeds, AUseKeyIsSeenByItsEdge) {
 }
 
 // The numbers are ViZDoom 1.3.2's.
-TEST(ScenarioNeeds, PlayerInputTellsOfTurnsLooksAndButtons) {
+TEST(ScenarioNeeds, PlayerInputHasTurnsLooksAndButtons) {
   constexpr int kOldButtons = 0, kButtons = 1, kPitch = 2, kYaw = 3, kUpMove = 7, kModOldButtons = 8,
                 kModButtons = 9;
   BehaviorBuilder code(Container::kCompact);

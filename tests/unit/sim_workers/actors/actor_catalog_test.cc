@@ -23,7 +23,7 @@ TEST(ActorCatalog, FindsNamesInAnyCase) {
   EXPECT_FALSE(catalog.find("Zombie Man").has_value());
 }
 
-TEST(ActorCatalog, KnowsAncestorsOnly) {
+TEST(ActorCatalog, FindsAncestorsOnly) {
   const ActorCatalog& catalog = builtin_catalog();
   const uint32_t spectre = *catalog.find("Spectre"), demon = *catalog.find("Demon");
   EXPECT_TRUE(catalog.is_a(spectre, demon));
@@ -106,7 +106,7 @@ TEST(ActorCatalog, SpritesTextsAndTranslationsAreStoredOnce) {
   EXPECT_EQ(catalog.add_translation(table), 0) << "there may be 255 of them";
 }
 
-TEST(ActorCatalog, KnowsSixteenDamageTypesOfALumpsOwn) {
+TEST(ActorCatalog, HoldsSixteenDamageTypesOfALump) {
   ActorCatalog catalog = builtin_catalog();
   EXPECT_EQ(catalog.find_damage_type("FIRE"), DamageType::kFire);
   EXPECT_EQ(catalog.find_damage_type("None"), DamageType::kNormal);
@@ -121,7 +121,7 @@ TEST(ActorCatalog, KnowsSixteenDamageTypesOfALumpsOwn) {
   EXPECT_FALSE(catalog.add_damage_type("seventeenth").has_value());
 }
 
-TEST(ActorCatalog, TellsWhoseStartAnEditorNumberIs) {
+TEST(ActorCatalog, ReportsWhoseStartAnEditorNumberIs) {
   EXPECT_EQ(player_of_start(1), 0);
   EXPECT_EQ(player_of_start(4), 3);
   EXPECT_EQ(player_of_start(4001), 4);

@@ -542,7 +542,7 @@ TEST(Decorate, StatesMayStartScripts) {
   EXPECT_EQ(lump.catalog.text(lump.catalog.args(named)[0].a), "Prey Caught");
 }
 
-TEST(Decorate, KnowsEveryActionByItsName) {
+TEST(Decorate, FindsEveryActionByItsName) {
   for (std::size_t id = 1; id < static_cast<std::size_t>(ActionId::kCount); ++id) {
     const std::string name(action_name(static_cast<ActionId>(id)));
     ASSERT_FALSE(name.empty());
@@ -557,7 +557,7 @@ TEST(Decorate, KnowsEveryActionByItsName) {
 
 // ---- items, weapons, missiles of a lump's own
 
-TEST(Decorate, MakesItemsWeaponsAndMissilesOfItsOwn) {
+TEST(Decorate, MakesItemsWeaponsAndMissiles) {
   const Lump lump(R"(
     actor Arrow : Ammo { Inventory.Amount 3 Inventory.MaxAmount 30 Ammo.BackpackMaxAmount 60 }
     actor Quiver : Arrow { Inventory.Amount 10 }
@@ -597,7 +597,7 @@ TEST(Decorate, MakesItemsWeaponsAndMissilesOfItsOwn) {
 
 // ---- what is wrong
 
-TEST(Decorate, SaysWhereALumpIsBrokenAndLeavesTheCatalogAlone) {
+TEST(Decorate, ReportsWhereALumpIsBrokenAndLeavesTheCatalogAlone) {
   const std::pair<const char*, const char*> cases[] = {
       {"actor", "test.wad:1:6: the name of an actor is missing"},
       {"health 5", "test.wad:1:1: 'health' where an actor must begin"},

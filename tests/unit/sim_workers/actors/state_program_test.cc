@@ -30,7 +30,7 @@ StateTarget target(std::string scope, std::string label, int offset = 0) {
   return {.scope = std::move(scope), .label = std::move(label), .offset = offset, .line = 4, .column = 9};
 }
 
-TEST(StateProgram, StatesFollowEachOtherUntilALinkSaysOtherwise) {
+TEST(StateProgram, StatesFollowEachOtherUntilALinkEndsIt) {
   Program program;
   program.states.add_label("Spawn");
   program.states.add_state(shown(1));

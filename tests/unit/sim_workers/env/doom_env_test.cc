@@ -259,7 +259,7 @@ TEST(DoomEnvironment, MeasurementsAreScaledShiftedAndClipped) {
   EXPECT_EQ(measurement, (std::vector<float>{5, -100, 5, 100}));
 }
 
-TEST(DoomEnvironment, TheGlobalStateTellsOfAllAgentsAndWhatScriptsExport) {
+TEST(DoomEnvironment, TheGlobalStateHoldsAllAgentsAndWhatScriptsExport) {
   const auto game = clock_game();
   game->spec.exports = {{.name = "clock", .user = 1, .meaning = ""}, {.name = "", .user = 7, .meaning = ""}};
   EXPECT_EQ(DoomEnvironment(game).shape().global_state_count, 0) << "not requested";
@@ -288,7 +288,7 @@ TEST(DoomEnvironment, TheGlobalStateTellsOfAllAgentsAndWhatScriptsExport) {
   EXPECT_EQ(at("USER7"), 0);
 }
 
-TEST(DoomEnvironment, AStrideGivesEveryAgentAGlobalOfItsOwn) {
+TEST(DoomEnvironment, AStrideGivesEveryAgentASeparateGlobal) {
   const auto game = clock_game();
   game->spec.rewards[0].scope = "own";
   game->spec.rewards[0].agent_stride =

@@ -128,7 +128,7 @@ TEST_F(VizdoomRoom, ATraceIsPaidInDoublesAndNeedsNeitherButtonsNorATimeout) {
   }
 }
 
-TEST_F(VizdoomRoom, ATraceTellsTheHealthOfADeadBody) {
+TEST_F(VizdoomRoom, ATraceHasTheHealthOfADeadBody) {
   trace::GameOptions options;
   options.target = cfg("");
   const auto game = trace::open_trace_game(options);

@@ -52,7 +52,7 @@ TEST(Navigator, FollowsADoorThatOpens) {
   EXPECT_TRUE(navigator.way_length({-300, 0}, {300, 0}));
 }
 
-TEST(Navigator, TakesStepsUpTo24AndDropsAsDeepAsItIsTold) {
+TEST(Navigator, TakesStepsUpTo24AndDropsAsDeepAsItIsSet) {
   for (const auto& [height, up, down] : {std::tuple{24, true, true}, {32, false, true}, {-24, true, true}}) {
     doom::test::LevelBuilder builder;
     const uint32_t room = builder.sector(0, 256), high = builder.sector(height, 256);
@@ -65,7 +65,7 @@ TEST(Navigator, TakesStepsUpTo24AndDropsAsDeepAsItIsTold) {
   }
 }
 
-TEST(Navigator, KeepsOutOfSectorsThatItIsToldToAvoid) {
+TEST(Navigator, KeepsOutOfSectorsToAvoid) {
   doom::test::LevelBuilder builder;
   const uint32_t room = builder.sector(0, 256), lava = builder.sector(0, 256, 7);
   builder.room(room, -512, -512, 512, 512).island(lava, room, -100, -400, 100, 500).thing(1, -300, 0);

@@ -120,7 +120,7 @@ TEST(ShotgunGuy, FiresThreePelletsOfThreeToFifteen) {
   EXPECT_NEAR(static_cast<double>(sum) / kShots, 27.0, 1.0);
 }
 
-TEST(ZombieMan, MissesFarTargetsAsOftenAsItsSpreadSays) {
+TEST(ZombieMan, MissesFarTargetsAsOftenAsItsSpreadGives) {
   Stage stage;
   stage.make_player_tough();
   Actor& zombie = stage.spawn("ZombieMan", 800, 0, 180);

@@ -84,7 +84,7 @@ TEST(Chase, ADemonFindsItsWayRoundAPillarAndBites) {
   EXPECT_TRUE(stage.tics_until(35 * 20, [&] { return stage.player().hits_taken > 0; }));
 }
 
-TEST(Chase, AStepIsAsLongAsItsSpeedSaysAlsoWhenItIsLongerThanItsBody) {
+TEST(Chase, AStepIsAsLongAsItsSpeedAlsoWhenItIsLongerThanItsBody) {
   for (const int speed : {8, 21, 70}) {
     Stage stage;
     Actor& demon = stage.spawn("Demon", 800, 0, 180);

@@ -182,7 +182,7 @@ TEST(VizdoomRules, ABodyThatAScriptPutsSomewhereIsHeldByTheFloorOfItsCentre) {
 }
 
 // Probe: Spawn("Clip") and Spawn("ZombieMan") at the same places: 504 takes heights from 0 on, 520 from 100 on.
-TEST(VizdoomRules, SpawnAsksForTheFloorOfTheCentreToo) {
+TEST(VizdoomRules, SpawnChecksTheFloorOfTheCentreToo) {
   for (const char* name : {"Clip", "ZombieMan"}) {
     Game game(cliff(kUpperFloor, 200, 100));
     const uint32_t type = catalog()->find(name).value();
@@ -325,7 +325,7 @@ TEST(VizdoomRules, OnlyWhatTheKeysPushMakesTheViewBob) {
 
 // Probe: Sector_SetCurrent and Sector_SetWind in sectors of special 0, 512, 2048, 4096, 8192 and 32768: 4096 alone feels them, from
 // the tic of the script on.
-TEST(VizdoomRules, CurrentsAreFeltWhereTheSectorSaysSo) {
+TEST(VizdoomRules, CurrentsAreFeltWhereTheSectorHasThem) {
   acs::test::BehaviorBuilder code;
   code.script(1, static_cast<int>(acs::ScriptType::kEnter))
       .op(bytecode::PCode::kDelayDirect, {2})
@@ -584,7 +584,7 @@ TEST(VizdoomRules, AJumpIsForgottenWhileATeleportHoldsThePlayer) {
 
 // Probe: sectors of the map with damageamount 49, 50 and 120: every 32 tics, or as damageinterval describes. Sector_SetDamage of 50 and
 // more: every tic.
-TEST(VizdoomRules, ASectorOfTheMapHurtsAsOftenAsItSays) {
+TEST(VizdoomRules, ASectorOfTheMapHurtsAtItsInterval) {
   for (const int32_t interval : {kDamageIntervalTics, 0}) {
     Game game(plain_room().build());
     Sector& sector = game.world.state().sectors[0];

@@ -140,7 +140,7 @@ TEST(ArtArchive, LaterWadsOverrideEarlierOnes) {
   EXPECT_EQ((*archive)->sprite_image(frame->views[0]->lump)->width, 4);
 }
 
-TEST(ArtArchive, SaysWhatToInstallWhenThereIsNoIwad) {
+TEST(ArtArchive, ReportsWhatToInstallWhenThereIsNoIwad) {
   const auto archive = ArtArchive::open("/nonexistent/freedoom2.wad");
   ASSERT_FALSE(archive.has_value());
   EXPECT_EQ(archive.error().code, ErrorCode::kNotFound);

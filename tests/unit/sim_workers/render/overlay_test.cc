@@ -208,7 +208,7 @@ TEST_F(StatusBarTest, ASmallPictureHasTheBarOfTheSmallestScreenMadeSmaller) {
 
 // Drawn at 128x72 directly, 100 and 188 differed in 14 pixels of the bar; as the smallest screen made smaller they
 // differ in 22 (comrad-trace --size 128x72 against --size 160x120 and every nearest pixel, difference above 40).
-TEST_F(StatusBarTest, DigitsAreToldApartIn128x72) {
+TEST_F(StatusBarTest, DigitsAreDistinguishableIn128x72) {
   const std::vector<uint32_t> colors = packed_palette(*archive_);
   Overlay overlay(*bar_, 128, 72, 60);
   const auto draw = [&](int health) {

@@ -139,7 +139,7 @@ TEST(PictureEffects, SeeThroughAndPlainViewsDrawnTogetherAreAsAlone) {
     EXPECT_EQ(together[i].planar, draw(worlds[i], art).planar) << "view " << i;
 }
 
-TEST(PictureEffects, SpritesBlendAsTheirStyleSays) {
+TEST(PictureEffects, SpritesBlendAsTheirStyleDefines) {
   LevelBuilder builder;
   builder.room(builder.sector(0, 128), -512, -512, 512, 512).thing(1, 0, 0);
   World world = make_world(builder.build());

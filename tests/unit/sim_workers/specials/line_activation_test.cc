@@ -193,7 +193,7 @@ TEST(CrossLine, ATeleporterPutsThePlayerAtItsDestination) {
   EXPECT_GT(stage->body().y, y);
 }
 
-TEST(CrossLine, ATeleportFragsWhoeverStandsThere) {
+TEST(CrossLine, ATeleportFragsAnActorStandingThere) {
   Strip strip;
   strip.special(4, 70, {5, 0, 0, 0, 0}, kCross | kAgain).turn(4);  // teleporters work from the front
   strip.builder.thing(14, -300, 200, 90, 5);

@@ -443,7 +443,7 @@ TEST(Determinism, SameSeedAndActionsGiveTheSameHashAtEveryTicEvenInterleaved) {
   EXPECT_NE(first.hash(), second.hash());
 }
 
-TEST(Determinism, ACopyIsASnapshotThatGoesOnAsTheOriginal) {
+TEST(Determinism, ACopyIsASnapshotThatContinuesAsTheOriginal) {
   World world(test::star_arena(), catalog());
   start(world, {.player_count = 2, .seed = 7});
   Rng rng(11);

@@ -126,7 +126,7 @@ TEST(Determinism, TenThousandTicsGiveTheCommittedHashInEveryBuild) {
   EXPECT_EQ(fold, kExpected);
 }
 
-TEST(Determinism, ABattleIsGoingOn) {
+TEST(Determinism, ABattleIsUnderWay) {
   // What the other cases compare is worth comparing.
   World world(battlefield(), catalog());
   reset_world(world, options_of(1));
@@ -163,7 +163,7 @@ TEST(Determinism, SixteenWorldsInOneProcessDoNotDisturbEachOther) {
   EXPECT_NE(worlds[2]->hash(), worlds[0]->hash());
 }
 
-TEST(Determinism, ASnapshotGoesOnAsTheOriginalDid) {
+TEST(Determinism, ASnapshotContinuesAsTheOriginalDid) {
   const std::vector<uint64_t>& straight = run_of_one();
   World world(battlefield(), catalog());
   reset_world(world, options_of(1));

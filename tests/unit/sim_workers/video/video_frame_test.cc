@@ -56,7 +56,7 @@ TEST(VideoFrame, ShowsEveryViewWholeAndInItsColours) {
     }
 }
 
-TEST(VideoFrame, FewAgentsStandInOneRowManyInTwo) {
+TEST(VideoFrame, FewAgentsAreInOneRowManyInTwo) {
   const ViewSize size{128, 72};
   EXPECT_GT(VideoFrame(size, 4, kButtons).size().width, 4 * size.width);
   EXPECT_LT(VideoFrame(size, 5, kButtons).size().width, 4 * size.width);

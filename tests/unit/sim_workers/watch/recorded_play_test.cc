@@ -44,7 +44,7 @@ TEST_F(RecordedPlay, ReadsWhatWasChosen) {
   EXPECT_EQ(episode->seed, 7u);
 }
 
-TEST_F(RecordedPlay, RefusesWhatIsNoEpisodeAndSaysWhy) {
+TEST_F(RecordedPlay, RefusesWhatIsNoEpisodeWithTheReason) {
   const auto with = [](const char* key, const json& value) {
     json changed = head();
     changed[key] = value;

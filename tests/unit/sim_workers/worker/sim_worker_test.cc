@@ -338,7 +338,7 @@ TEST(SimWorker, FewSlabsParkEnvironmentsButStarveNone) {
   check_rollouts(host, options, 12);
 }
 
-TEST(SimWorker, WithoutFreeSlabsItWaitsAndGoesOnWhenOneComes) {
+TEST(SimWorker, WithoutFreeSlabsItWaitsAndContinuesWhenOneComes) {
   ArenaShape shape = small_arena_shape();
   shape.slab_count = 8;
   const ToyOptions options = toy(100, 100);
@@ -536,7 +536,7 @@ TEST(SimWorker, EvaluationWithFewerEpisodesThanEnvironmentsOrSlabsEnds) {
       "all episodes");
 }
 
-TEST(SimWorker, AResumedJournalGoesOnAsIfNothingHadHappened) {
+TEST(SimWorker, AResumedJournalContinuesAsIfNothingHadHappened) {
   const ToyOptions options = toy(3, 40);
   ArenaShape shape = small_arena_shape();
   shape.trajectory.rollout_steps = 7;  // an odd number of decisions: the state's parity counts
@@ -693,7 +693,7 @@ TEST(SimWorker, ARestartedWorkerNeverPlaysAnEpisodeTwice) {
   EXPECT_EQ(host.arena.sim_counters(0).epoch.load(), 4u);
 }
 
-TEST(SimWorker, StopsEvenWhenNobodyAnswers) {
+TEST(SimWorker, StopsEvenWithoutAnAnswer) {
   const Arena arena = *Arena::create(small_arena_shape(), 1);
   arena.control().rollouts_allowed = UINT64_MAX;
   arena.control().run_state = shm::RunState::kRunning;
@@ -717,7 +717,7 @@ TEST(SimWorker, StopsWhileItWaitsForTheStart) {
   EXPECT_TRUE(worker.status);
 }
 
-TEST(SimWorker, APausedRunStandsStillAndGoesOn) {
+TEST(SimWorker, APausedRunStandsStillAndContinues) {
   const ToyOptions options = toy(1, 30);
   Host host(small_arena_shape(), options);
   host.start();

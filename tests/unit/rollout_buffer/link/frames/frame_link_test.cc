@@ -326,7 +326,7 @@ TEST(FrameLinkBadLuck, AnotherGameIsRefusedInWords) {
   EXPECT_THAT(ended.error().message, HasSubstr("join again"));
 }
 
-TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatAsks) {
+TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatRequestsIt) {
   const uint64_t id = fresh_id();
   const shm::Arena near = make_arena(1, 1, 1);
   std::atomic<bool> stop{false};
@@ -363,7 +363,7 @@ TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatAsks) {
   receiving.join();
 }
 
-TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
+TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNoOther) {
   const uint64_t id = fresh_id();
   const shm::Arena near = make_arena(2, 1, 2), far = make_arena(1, 2);
   std::atomic<bool> stop{false}, has_played{false};

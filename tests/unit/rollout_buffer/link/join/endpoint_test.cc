@@ -86,7 +86,7 @@ TEST_F(Join, APingIsAnsweredWithTheTimeAndAsManyBytesAsAChunkHolds) {
   EXPECT_EQ(last_.payload.size(), dds::kChunkBytes);
 }
 
-TEST_F(Join, AnotherVersionIsToldWhichOneThisIs) {
+TEST_F(Join, AnotherVersionGetsThisOnesNumber) {
   EXPECT_THAT(ask({{"ask", "offer"}, {"protocol", 99}})["error"], HasSubstr("join protocol 1"));
   EXPECT_THAT(ask({{"ask", "offer"}, {"link", 99}})["error"], HasSubstr("install the same version"));
 }

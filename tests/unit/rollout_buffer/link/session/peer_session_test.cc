@@ -205,7 +205,7 @@ TEST(PeerSession, WithoutProgressNothingIsSentIntoASilence) {
   EXPECT_LE(link.items_.sent(), kCredits) << "what there was credit for, once";
 }
 
-TEST(PeerSession, TheEndOfARunAndAWishToLeaveReachTheSender) {
+TEST(PeerSession, TheEndOfARunAndARequestToLeaveReachTheSender) {
   Link link(1, {});
   for (int tick = 0; tick < 20; ++tick) link.turn(1);
   link.served_->ask_to_leave();

@@ -40,7 +40,7 @@ class RemoteWorkersTest : public ::testing::Test {
   std::vector<uint64_t> rollouts_;
 };
 
-TEST_F(RemoteWorkersTest, AReceiverThatIsRestartedKnowsWhoPlaysWhere) {
+TEST_F(RemoteWorkersTest, AReceiverThatIsRestartedRestoresWhichHostPlaysWhere) {
   RemoteWorkers places(arena_, 1, 3);
   EXPECT_EQ(places.free_count(), 3);
   EXPECT_THAT(places.take(11, 1), ElementsAre(1));

@@ -265,7 +265,7 @@ TEST_F(Link, EndsThatAreKilledLoseNothingAndSendNothingTwice) {
   expect_exactly_once();
 }
 
-TEST_F(Link, AReceiverThatStandsStillForAWhileGoesOnWhereItWas) {
+TEST_F(Link, AReceiverThatStandsStillForAWhileContinuesWhereItWas) {
   start_receiver();
   start_sender();
   play_and_learn(2);
@@ -375,7 +375,7 @@ TEST_F(Link, AHostWithMoreSimulatorsThanPlacesIsRefused) {
   EXPECT_EQ(exit_code_of(sender_), kRefusedExit);
 }
 
-TEST_F(Link, ARunThatEndsTellsThoseThatFeedIt) {
+TEST_F(Link, ARunThatEndsInformsItsSenders) {
   start_receiver();
   start_sender();
   play_and_learn(1);

@@ -102,7 +102,7 @@ TEST_F(SlabStream, ASlabArrivesByteForByteWithItsName) {
                                  bytes(target_, hole.end, offsets_.slab_bytes)));
 }
 
-TEST_F(SlabStream, FinalObservationsThatNobodyUsedStayAtHomeAndNothingOldShowsInTheirPlace) {
+TEST_F(SlabStream, FinalObservationsWithoutAUseAreNotSentAndNothingOldShowsInTheirPlace) {
   const Hole all = hole_of(offsets_, 0);
   std::memset(source_.view(0).at<std::byte>(all.begin), 0x55, static_cast<std::size_t>(all.end - all.begin));
   std::memset(target_.view(0).at<std::byte>(all.begin), 0x66, static_cast<std::size_t>(all.end - all.begin));
@@ -171,7 +171,7 @@ TEST_F(SlabStream, WhatCouldNotHaveBeenPlayedIsRefused) {
   EXPECT_THAT(put_together(cut()), HasSubstr("0 decisions"));
 }
 
-TEST_F(SlabStream, StepsBehindTheEndAreNotValidWhateverTheSenderSays) {
+TEST_F(SlabStream, StepsBehindTheEndAreNotValidWhateverTheSenderClaims) {
   header_.length = 6;
   EXPECT_EQ(put_together(cut()), "");
   EXPECT_EQ(target_.view(0).valid(5), 1);
