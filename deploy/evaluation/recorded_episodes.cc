@@ -70,14 +70,12 @@ Status keep_episodes(const std::string& folder, const EvaluationGame& game, cons
     const std::size_t map = game.map_of(episode.episode_id);
     const std::string wad = game.pool.layouts.empty() ? config.environment.wad : game.pool.layouts[map].path;
     COMRAD_TRY_ASSIGN(const std::string map_name, keep_map(folder, wad, game.map_hashes[map]));
-    Json head = {{"format", "comrad-episode"},
-                 {"version", kFormatVersion},
-                 {"scenario", config.run.scenario},
-                 {"heads", config.environment.heads},
-                 {"map", map_name},
-                 {"map_hash", game.map_hashes[map]},
-                 {"policy", played.team->name},
-                 {"episode", episode.episode_id}};
+    Json head = {
+        {"format", "comrad-episode"},        {"version", kFormatVersion},
+        {"scenario", config.run.scenario},   {"scenario_version", config.environment.scenario_version},
+        {"heads", config.environment.heads}, {"map", map_name},
+        {"map_hash", game.map_hashes[map]},  {"policy", played.team->name},
+        {"episode", episode.episode_id}};
     head.update(own);
     COMRAD_TRY(write_file_atomically(folder + "/" + file_name(episode.episode_id),
                                      head.dump() + "\n" + text.substr(end + 1), /*durable=*/false));

@@ -440,6 +440,7 @@ std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entr
     list.push_back({{"id", entry.id},
                     {"filename", entry.filename},
                     {"scenario", entry.info.scenario},
+                    {"scenario_version", entry.info.version},
                     {"split", kind == PoolKind::kEval   ? "eval"
                               : kind == PoolKind::kGrid ? ""
                                                         : "train"},
@@ -496,6 +497,8 @@ Expected<std::vector<PoolEntry>> read_pool(const std::string& folder) {
                          where + ": 'ceiling' must be an object, number of agents -> the best score"};
           entry.info.ceiling[count] = ceiling.get<double>();
         }
+      if (one.contains("scenario_version") && one["scenario_version"].is_number_integer())
+        entry.info.version = one["scenario_version"].get<int>();
       if (one.contains("seed") && one["seed"].is_number_integer())
         entry.info.seed = one["seed"].get<uint64_t>();
       if (one.contains("attempt") && one["attempt"].is_number_integer())

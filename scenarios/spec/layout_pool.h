@@ -114,7 +114,7 @@ struct PoolUse {
 /// Gives what a run reads. Errors: those of read_pool(); kNotFound, kBadFormat and kBadInput naming layout and file.
 Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use);
 
-/// The registry's text: a list of objects with id, filename, scenario, seed, attempt, content_hash,
+/// The registry's text: a list of objects with id, filename, scenario, scenario_version, seed, attempt, content_hash,
 /// map_hash, config, axis_choices, split (none of a grid), ceiling (team size -> the best score); of a curriculum
 /// also curriculum_stage and curriculum_metric_scale.
 std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entries);

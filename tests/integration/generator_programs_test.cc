@@ -44,6 +44,7 @@ TEST(Doomgen, PoolsForTrainingAndEvaluationShareNothing) {
     ASSERT_EQ(registry.size(), 6u);
     for (const auto& layout : registry) {
       EXPECT_EQ(layout["split"], kind);
+      EXPECT_EQ(layout["scenario_version"], 1);
       EXPECT_TRUE(fs::exists(folder + "/" + layout["filename"].get<std::string>()));
       EXPECT_TRUE(maps.insert(layout["map_hash"].get<std::string>()).second);
     }

@@ -89,6 +89,8 @@ class Wheel(unittest.TestCase):
         reset = "import comrad; comrad.parallel_env('lava_pit').reset(seed=1); print('fine', flush=True)"
         self.assertRegex(run(reset, COMRAD_IWAD="/nowhere/freedoom2.wad"), r"^FileNotFoundError: no freedoom2\.wad found in .*pip install comrad-freedoom")
         self.assertEqual(run(reset, HOME="/proc/nowhere"), "fine")
+        shows = "import comrad; comrad.parallel_env('lava_pit', render_mode='human').reset(seed=1)"
+        self.assertRegex(run(shows), r'^RuntimeError: render_mode "human" needs a display \(.*\); use render_mode "rgb_array" here$')
         self.assertEqual(
             run(f"import comrad, os\nchild = os.fork()\nif child == 0:\n    {reset}\n    os._exit(0)\nassert os.waitpid(child, 0)[1] == 0"), "fine"
         )

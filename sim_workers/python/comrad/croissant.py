@@ -40,6 +40,7 @@ OF_MAPS = {  # fields of the records, with what they are
     "id": ("sc:Text", "name of the map"),
     "filename": ("sc:Text", "its WAD"),
     "scenario": ("sc:Text", "the scenario that it is played in"),
+    "scenario_version": ("sc:Integer", "the scenario's when it was drawn"),
     "split": ("sc:Text", "train or eval; no map is in both"),
     "seed": ("sc:Integer", "what it was drawn from"),
     "content_hash": ("sc:Text", "of geometry, things and named numbers; decides the split"),
@@ -48,6 +49,7 @@ OF_MAPS = {  # fields of the records, with what they are
 OF_EPISODES = {
     "file": ("sc:Text", "the episode's file: a line of JSON, then the choices u8 [decisions, agents, heads]"),
     "scenario": ("sc:Text", "the scenario"),
+    "scenario_version": ("sc:Integer", "its version; scores of different ones do not compare"),
     "map": ("sc:Text", "the WAD that was played"),
     "episode_seed": ("sc:Integer", "with map and choices it gives the same episode again, to the bit"),
     "num_agents": ("sc:Integer", "size of the team"),
@@ -88,6 +90,11 @@ def _records(name: str, file: str, fields: dict[str, tuple[str, str]]) -> dict[s
     }
 
 
+def _versions(records: list[dict[str, Any]]) -> str:
+    """The scenarios of the records with their versions. Raises KeyError where one lacks them."""
+    return ", ".join(sorted({f"{one['scenario']} (version {one['scenario_version']})" for one in records}))
+
+
 def description_of(folder: str | os.PathLike) -> dict[str, Any]:
     """The description of a folder, as its croissant.json has it; writes episodes.jsonl beside episodes. Raises FileNotFoundError for a
     folder with neither maps nor episodes, ValueError for damaged ones."""
@@ -97,17 +104,17 @@ def description_of(folder: str | os.PathLike) -> dict[str, Any]:
         try:
             entries = json.loads(registry.read_text(encoding="utf-8"))
             data = [registry, *(home / str(entry["filename"]) for entry in entries)]
-            scenarios = sorted({str(entry["scenario"]) for entry in entries})
+            scenarios = _versions(entries)
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{registry}: not as comrad doomgen writes it: {error}") from None
-        name, what = "maps", f"{len(entries)} maps of {', '.join(scenarios)}, drawn by comrad doomgen"
+        name, what = "maps", f"{len(entries)} maps of {scenarios}, drawn by comrad doomgen"
         records = _records(name, REGISTRY, OF_MAPS)
     elif episodes:
         loaded = [load_episode(file) for file in episodes]
-        lines = [json.dumps({"file": one.path.name, **one.about}) + "\n" for one in loaded]
-        (home / EPISODES).write_text("".join(lines), encoding="utf-8")
+        lines = [{"file": one.path.name, "scenario_version": 1, **one.about} for one in loaded]  # older files do not say it
+        (home / EPISODES).write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
         data = [home / EPISODES, *episodes, *sorted({one.map for one in loaded})]
-        name, what = "episodes", f"{len(loaded)} episodes of {', '.join(sorted({one.scenario for one in loaded}))}, recorded by comrad eval"
+        name, what = "episodes", f"{len(loaded)} episodes of {_versions(lines)}, recorded by comrad eval"
         records = _records(name, EPISODES, OF_EPISODES)
     else:
         raise FileNotFoundError(f"{home}: neither {REGISTRY} of comrad doomgen --pool nor episodes of comrad eval --episodes_dir are there")

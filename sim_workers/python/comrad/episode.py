@@ -44,9 +44,13 @@ class Episode:
         return self.actions.shape[1]
 
     def make_env(self, **options: Any) -> Any:
-        """The environment that it was played in. `options`: of ComradParallelEnv, beside scenario, team, map, frame skip and heads."""
-        from . import parallel_env
+        """The environment that it was played in. `options`: of ComradParallelEnv, beside scenario, team, map, frame skip and heads.
+        Raises ValueError where the scenario has another version now."""
+        from . import describe, parallel_env
 
+        found = describe(self.scenario)["version"]
+        if (made := self.about.get("scenario_version", found)) != found:
+            raise ValueError(f"{self.path}: an episode of {self.scenario}'s version {made}, here it has version {found}")
         return parallel_env(
             self.scenario, num_agents=self.num_agents, layout=self.map, frame_skip=self.frame_skip, heads=self.heads, **options
         )

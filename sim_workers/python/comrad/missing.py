@@ -5,6 +5,7 @@ import re
 
 REQUIRED = ("gymnasium", "nanobind_backend", "numpy", "pettingzoo")
 COMPILE = "compile it there: `pip install .` in COMRAD's folder"
+UNTESTED = f"{COMPILE} with --config-settings=cmake.define.COMRAD_UNTESTED_MACHINE=ON"
 
 
 def what_this_machine_is() -> tuple[str, str, str]:
@@ -22,9 +23,9 @@ def explained(failure: ImportError) -> ImportError:
     text = str(failure)
     if name == f"{__package__}._engine" or "_engine." in text or text.startswith("lib"):
         if machine != "x86_64":
-            return ImportError(f"comrad's wheel is for x86-64 processors, this machine is {machine}; {COMPILE}")
+            return ImportError(f"comrad's wheel is for x86-64 processors, this machine is {machine}; {UNTESTED}")
         if library != "glibc":
-            return ImportError(f"comrad's wheel is for Linux with glibc, this system has another C library; {COMPILE}")
+            return ImportError(f"comrad's wheel is for Linux with glibc, this system has another C library; {UNTESTED}")
     if name == f"{__package__}._engine":
         return ImportError("comrad's engine is not compiled for this Python; run `pip install .` in COMRAD's folder")
     if wanted := re.search(r"version `GLIBC_([\d.]+)' not found", text):

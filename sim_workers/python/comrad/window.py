@@ -1,6 +1,7 @@
 """A window for render_mode "human", by pygame."""
 
 import importlib
+import os
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,9 @@ class Window:
         if self._surface is None:
             try:
                 self._pygame.display.init()
+                driver = self._pygame.display.get_driver()
+                if driver in ("dummy", "offscreen") and "SDL_VIDEODRIVER" not in os.environ:  # SDL's last resort, which shows nothing
+                    raise self._pygame.error(f"SDL found none but {driver}")
                 self._surface = self._pygame.display.set_mode((width, height))
             except self._pygame.error as failure:
                 raise RuntimeError(f'render_mode "human" needs a display ({failure}); use render_mode "rgb_array" here') from None

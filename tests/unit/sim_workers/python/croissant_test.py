@@ -66,7 +66,7 @@ class Croissant(unittest.TestCase):
         registry = json.loads((pool / "batch_registry.json").read_text(encoding="utf-8"))
         records = self.records(file, "maps")
         self.assertEqual([one["maps/content_hash"] for one in records], [one["content_hash"] for one in registry])
-        self.assertEqual({one["maps/split"] for one in records}, {"eval"})
+        self.assertEqual({(one["maps/split"], one["maps/scenario_version"]) for one in records}, {("eval", comrad.describe("lava_pit")["version"])})
         before = file.read_bytes()
         self.assertEqual(self.described(pool).read_bytes(), before)
         listed = {one["@id"] for one in json.loads(before)["distribution"]}
@@ -81,6 +81,9 @@ class Croissant(unittest.TestCase):
         records = self.records(self.described(episodes), "episodes")
         kept = [comrad.load_episode(file) for file in sorted(episodes.glob("*.comrad"))]
         self.assertEqual([one["episodes/score"] for one in records], [one.score for one in kept])
+        self.assertEqual({one["episodes/scenario_version"] for one in records}, {comrad.describe("coop_health_gathering")["version"]})
+        kept[0].about["scenario_version"] = 99
+        self.assertRaisesRegex(ValueError, "version 99, here it has version", kept[0].make_env)
         self.assertEqual([one["episodes/episode_seed"] for one in records], [one.episode_seed for one in kept])
 
     def test_bad_input(self):

@@ -4,14 +4,18 @@
     PYTHONPATH=build/python misuse_test.py [unittest arguments]
 """
 
+import contextlib
 import copy
 import gc
+import importlib.util
+import io
 import os
 import pickle
 import signal
 import tempfile
 import threading
 import unittest
+import unittest.mock
 
 from package import comrad  # first: it ends the test where the package is not there
 
@@ -74,6 +78,16 @@ class Misuse(unittest.TestCase):
             with open(other, "wb") as file:
                 file.write(comrad.draw_map("lava_pit"))
             self.refuses(ValueError, "lava_pit", make, "stag_hunt_arena", layout=other)
+
+    @unittest.skipUnless(importlib.util.find_spec("pygame"), "without pygame")
+    @unittest.mock.patch.dict(os.environ)
+    def test_a_window_without_a_display(self):
+        for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+            os.environ.pop(name, None)
+        env = comrad.parallel_env("lava_pit", render_mode="human", **SMALL)
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.refuses(RuntimeError, 'needs a display|use render_mode "rgb_array"', env.reset, seed=1)
+        env.close()
 
     def test_steps_at_the_wrong_time(self):
         env = comrad.parallel_env("coop_puzzle", **SMALL)

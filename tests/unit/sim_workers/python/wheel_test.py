@@ -144,6 +144,19 @@ class Wheel(unittest.TestCase):
         self.assertEqual([name for name in wanted if not re.fullmatch(OF_GLIBC, name)], [])
         self.assertEqual(self.wheel.name.split("-")[2:4], ["cp311", "abi3"])
 
+    def test_it_is_not_compiled_elsewhere_without_being_asked(self):
+        musl = self.folder / "musl"
+        musl.mkdir()
+        (musl / "features.h").touch()
+        for machine, words in (
+            (["-DCMAKE_SYSTEM_NAME=Linux", "-DCMAKE_SYSTEM_PROCESSOR=aarch64"], "this is aarch64 with glibc; use such a machine"),
+            ([f"-DCMAKE_C_FLAGS=-I{musl}"], "this is x86_64 with another C library; use such a machine"),
+        ):
+            done = run("cmake", "-S", HOME, "-B", self.folder / words.split()[2], "-DSKBUILD=2", *machine)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            line = [one for one in done.stderr.splitlines() if words in one]
+            self.assertRegex(line[0], "COMRAD_UNTESTED_MACHINE=ON$")
+
     def test_it_works_where_nothing_else_is(self):
         venv.create(self.folder / "empty", with_pip=True)
         python = self.folder / "empty" / "bin" / "python"
@@ -154,9 +167,10 @@ class Wheel(unittest.TestCase):
         self.assertEqual(played.returncode, 0, played.stderr[-2000:])
         package = pathlib.Path(played.stdout.strip()).parent
         self.assertTrue(package.is_relative_to(self.folder / "empty"))
-        trainer = run(self.folder / "empty" / "bin" / "comrad", "train")
-        self.assertEqual((trainer.returncode, len(trainer.stderr.splitlines())), (1, 1), trainer.stderr)
-        self.assertIn("apt-get install ./comrad_*_amd64.deb", trainer.stderr)
+        for command in ([python.with_name("comrad")], [python, "-m", "comrad"]):
+            trainer = run(*command, "train")
+            self.assertEqual((trainer.returncode, len(trainer.stderr.splitlines())), (1, 1), trainer.stderr)
+            self.assertIn("apt-get install ./comrad_*_amd64.deb", trainer.stderr)
 
         bare = self.folder / "bare" / "comrad"
         shutil.copytree(package, bare)

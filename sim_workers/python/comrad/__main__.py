@@ -1,5 +1,5 @@
 #!python
-"""The command `comrad` of the Python package: the trainer's own program, where one is installed, else a line with where to get it."""
+"""The commands `comrad` and `python -m comrad`: the trainer's own program, where one is installed, else a line with where to get it."""
 
 import os
 import sys
