@@ -26,8 +26,7 @@ Status prepare_serving(RunConfig& config, const std::string& key_folder) {
   if (config.hosts.interface == "auto") config.hosts.interface = link::kLoopback;
   if (config.hosts.serve) COMRAD_TRY(check_can_be_offered(config));
   // The id is drawn later; all that a user may have set is in these already.
-  return dds::validate(
-      link::serving_config(1, link::link_options(config.hosts, link::kLoopback, key_folder)));
+  return dds::validate(link::serving_config(1, config.hosts, key_folder));
 }
 
 Expected<std::string> open_join_endpoint(const std::string& run_dir, const RunConfig& config,

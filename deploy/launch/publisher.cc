@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <span>
+
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/link/join/link_address.h"
 
@@ -9,10 +11,8 @@ namespace comrad::deploy {
 
 Expected<Publisher> Publisher::open(const LaunchPlan& plan) {
   COMRAD_TRY_ASSIGN(const uint64_t link_id, link::keep_link_id(plan.run_dir));
-  COMRAD_TRY_ASSIGN(
-      dds::MonitorBus bus,
-      dds::MonitorBus::open(link::serving_config(
-          link_id, link::link_options(plan.config.hosts, link::kLoopback, link::kept_keys(plan.run_dir)))));
+  COMRAD_TRY_ASSIGN(dds::LinkBus bus, dds::LinkBus::open(link::serving_config(
+                                          link_id, plan.config.hosts, link::kept_keys(plan.run_dir))));
   Publisher publisher(plan.config.run.scenario, std::move(bus));
   COMRAD_TRY(publisher.publish_state("starting", ""));
   return publisher;
@@ -21,9 +21,9 @@ Expected<Publisher> Publisher::open(const LaunchPlan& plan) {
 Status Publisher::publish_state(const std::string& state, const std::string& message) {
   return bus_.write(dds::WorkerStatus{.worker_id = "supervisor",
                                       .host = host_name(),
-                                      .pid = getpid(),
                                       .role = "supervisor",
                                       .state = state,
+                                      .pid = getpid(),
                                       .message = message});
 }
 
@@ -39,7 +39,6 @@ Status Publisher::publish(const RunSnapshot& run, const TrainStats& stats) {
   for (const WorkerSnapshot& worker : run.workers)
     COMRAD_TRY(bus_.write(dds::WorkerStatus{.worker_id = worker.name,
                                             .host = worker.host,
-                                            .pid = static_cast<int32_t>(worker.pid),
                                             .role = worker.role,
                                             .state = worker.state,
                                             .decisions_per_s = worker.decisions_per_s,
@@ -47,6 +46,7 @@ Status Publisher::publish(const RunSnapshot& run, const TrainStats& stats) {
                                             .silent_s = worker.silent_s,
                                             .cpu_s = worker.cpu_s,
                                             .resident_bytes = worker.resident_bytes,
+                                            .pid = static_cast<int32_t>(worker.pid),
                                             .restarts = static_cast<uint32_t>(worker.restarts)}));
   std::set<std::string> gone = hosts_;
   for (const HostSnapshot& host : run.hosts) {
@@ -66,7 +66,7 @@ Status Publisher::publish(const RunSnapshot& run, const TrainStats& stats) {
 }
 
 Status Publisher::publish(const EpisodeRecord& record) {
-  return bus_.write(dds::EpisodeResult{.scenario = scenario_, .record = record});
+  return bus_.write(dds::EpisodeResult{.record = record, .payload = std::as_bytes(std::span(scenario_))});
 }
 
 }  // namespace comrad::deploy

@@ -107,9 +107,8 @@ Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
                              const std::string& iwad) {
   uint64_t visitor = 0;
   if (getrandom(&visitor, sizeof visitor, 0) != sizeof visitor) return system_error("getrandom");
-  COMRAD_TRY_ASSIGN(dds::LinkBus bus,
-                    dds::LinkBus::open(link::joining_config(
-                        address, link::link_options(own.hosts, interface, request.key_folder))));
+  COMRAD_TRY_ASSIGN(dds::LinkBus bus, dds::LinkBus::open(link::joining_config(address, own.hosts, interface,
+                                                                              request.key_folder)));
   link::JoinClient client(bus, visitor, request.wait_s);
   Expected<link::Offer> offer = client.offer();
   if (!offer && offer.error().code == ErrorCode::kTimeout)
@@ -118,7 +117,7 @@ Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
                              "the interface that leads here, and are UDP ports from {} on open in both "
                              "directions? `comrad doctor --hosts` on that host measures the connection",
                              offer.error().message, address.host,
-                             dds::ports_of(link::joining_config(address, {})).first)};
+                             dds::ports_of(link::joining_config(address, own.hosts, interface)).first)};
   if (!offer) return Error{offer.error().code, "the run does not open: " + offer.error().message};
   COMRAD_TRY(compare_with(*offer, iwad));
   COMRAD_TRY_ASSIGN(RunDirectory directory, folder_for(own, *offer));

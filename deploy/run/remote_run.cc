@@ -24,6 +24,10 @@ constexpr double kSilentS = 5;  // a run reports every second
 json number(double value) { return std::abs(value) <= 1e15 ? json(value) : json(nullptr); }
 json number(uint64_t value) { return number(static_cast<double>(value)); }
 std::string words(const std::string& text) { return fitted(text, kMostLetters); }
+template <std::size_t kBytes>
+std::string words(const dds::BoundedText<kBytes>& text) {
+  return words(text.str());
+}
 
 json json_of(const dds::WorkerStatus& worker) {
   return {{"worker", words(worker.worker_id)},
@@ -51,14 +55,14 @@ json json_of(const EpisodeRecord& episode) {
 
 Error RemoteRun::why_nothing(const RemoteRequest& request, const std::string& address,
                              uint32_t first_port) const {
-  const dds::MonitorBus::Seen seen = bus_.seen();
-  for (const uint32_t version : seen.versions)
-    if (version != dds::kBusVersion)
+  const dds::SeenRun seen = bus_.seen();
+  for (const uint32_t version : seen.published_versions)
+    if (version != dds::kLinkVersion)
       return {ErrorCode::kBadInput, "the run at " + address + " publishes in version " +
-                                        std::to_string(version) + " of the bus, this comrad reads version " +
-                                        std::to_string(dds::kBusVersion) +
+                                        std::to_string(version) + " of the link, this comrad reads version " +
+                                        std::to_string(dds::kLinkVersion) +
                                         "; use the same build of comrad on both hosts"};
-  if (seen.has_link && seen.versions.empty())
+  if (seen.serves && seen.published_versions.empty())
     return {ErrorCode::kBadInput,
             "the run at " + address + " serves other hosts and does not publish; start it with --publish"};
   return {
@@ -75,9 +79,8 @@ Expected<RemoteRun> RemoteRun::open(const RemoteRequest& request) {
     return Error{ErrorCode::kBadInput, "--wait_s must be above 0 and at most 3600 s"};
   COMRAD_TRY_ASSIGN(const link::LinkAddress address, link::read_address(request.address));
   COMRAD_TRY_ASSIGN(const std::string interface, link::interface_towards(address.host));
-  const dds::BusConfig config =
-      link::joining_config(address, link::link_options(request.hosts, interface, request.key_folder));
-  COMRAD_TRY_ASSIGN(dds::MonitorBus bus, dds::MonitorBus::open(config));
+  const dds::BusConfig config = link::joining_config(address, request.hosts, interface, request.key_folder);
+  COMRAD_TRY_ASSIGN(dds::LinkBus bus, dds::LinkBus::open(config));
   RemoteRun run(address.host, std::move(bus));
   const double until_s = monotonic_s() + request.wait_s;
   while (!run.has_report() && monotonic_s() < until_s) {
@@ -91,13 +94,16 @@ Expected<RemoteRun> RemoteRun::open(const RemoteRequest& request) {
 }
 
 void RemoteRun::listen() {
-  bus_.take_workers([&](const dds::WorkerStatus& status) {
-    if (workers_.size() < kMostWorkers || workers_.contains(status.worker_id))
-      workers_[status.worker_id] = status;
-    if (status.worker_id == kSupervisor) heard_s_ = monotonic_s();
+  bus_.take<dds::WorkerStatus>([&](const dds::WorkerStatus& status) {
+    const std::string id = status.worker_id.str();
+    if (workers_.size() < kMostWorkers || workers_.contains(id)) workers_[id] = status;
+    if (id == kSupervisor) heard_s_ = monotonic_s();
   });
-  bus_.take_stats([&](const dds::RunStats& stats) { stats_ = stats; });
-  bus_.take_episodes([&](const dds::EpisodeResult& result) {
+  bus_.take<dds::RunStats>([&](const dds::RunStats& stats) {
+    stats_ = stats;
+    stats_->stats.last_checkpoint[kCheckpointPathBytes - 1] = '\0';
+  });
+  bus_.take<dds::EpisodeResult>([&](const dds::EpisodeResult& result) {
     ++episodes_heard_;
     episodes_.push_back(result.record);
     if (episodes_.size() > kKeptEpisodes) episodes_.pop_front();
@@ -108,7 +114,7 @@ bool RemoteRun::has_ended() const {
   const auto supervisor = workers_.find(kSupervisor);
   static const std::set<std::string_view> kEnds = {"finished", "interrupted", "not saved", "killed",
                                                    "failed"};
-  return supervisor != workers_.end() && kEnds.contains(supervisor->second.state);
+  return supervisor != workers_.end() && kEnds.contains(supervisor->second.state.str());
 }
 
 json RemoteRun::look() {
@@ -147,12 +153,13 @@ json RemoteRun::look() {
   std::map<std::string, Host> hosts;
   double restarts = 0;
   for (const auto& [id, worker] : workers_) {
-    if (id == kSupervisor || worker.state == "left") continue;
+    const std::string role = worker.role.str();
+    if (id == kSupervisor || worker.state.str() == "left") continue;
     run["workers"].push_back(json_of(worker));
     Host& host = hosts[words(worker.host)];
-    host.workers += worker.pid != 0 || worker.role == "host";
+    host.workers += worker.pid != 0 || role == "host";
     host.restarts += worker.restarts;
-    if (worker.role == "sim" || worker.role == "host") host.decisions_per_s += worker.decisions_per_s;
+    if (role == "sim" || role == "host") host.decisions_per_s += worker.decisions_per_s;
     restarts += worker.restarts;
   }
   run["restarts"] = restarts;

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/dds/monitor_bus.h"
+#include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
@@ -25,7 +25,7 @@ struct RemoteRequest {
 class RemoteRun {
  public:
   /// Waits for the first report. Errors: kBadInput for an address, interface or keys, or where the run publishes in another
-  /// version or not at all; kTimeout without a report, saying what to check; those of MonitorBus::open().
+  /// version or not at all; kTimeout without a report, saying what to check; those of LinkBus::open().
   static Expected<RemoteRun> open(const RemoteRequest& request);
 
   /// What has been reported until now, as run_table.h reads it.
@@ -34,14 +34,14 @@ class RemoteRun {
   bool has_ended() const;
 
  private:
-  RemoteRun(std::string address, dds::MonitorBus bus) : address_(std::move(address)), bus_(std::move(bus)) {}
+  RemoteRun(std::string address, dds::LinkBus bus) : address_(std::move(address)), bus_(std::move(bus)) {}
   void listen();
   bool has_report() const { return stats_.has_value() && workers_.contains(kSupervisor); }
   Error why_nothing(const RemoteRequest& request, const std::string& address, uint32_t first_port) const;
 
   static constexpr const char* kSupervisor = "supervisor";
   std::string address_;
-  dds::MonitorBus bus_;
+  dds::LinkBus bus_;
   std::map<std::string, dds::WorkerStatus> workers_;  ///< by id
   std::optional<dds::RunStats> stats_;
   std::deque<EpisodeRecord> episodes_;  ///< the newest

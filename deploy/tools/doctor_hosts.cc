@@ -45,8 +45,8 @@ Expected<uint64_t> fresh_id() {
 Expected<link::LinkReport> measure_link(const link::LinkAddress& address, const RunConfig& config) {
   COMRAD_TRY_ASSIGN(const std::string interface, link::interface_towards(address.host));
   COMRAD_TRY_ASSIGN(const uint64_t visitor, fresh_id());
-  COMRAD_TRY_ASSIGN(dds::LinkBus bus, dds::LinkBus::open(link::joining_config(
-                                          address, link::link_options(config.hosts, interface))));
+  COMRAD_TRY_ASSIGN(dds::LinkBus bus,
+                    dds::LinkBus::open(link::joining_config(address, config.hosts, interface)));
   link::JoinClient client(bus, visitor, kAnswerWaitS);
   return link::check_link(bus, client);
 }
@@ -58,8 +58,7 @@ std::vector<CheckResult> ask_host(const HostStart& call, const RunConfig& config
     COMRAD_TRY_ASSIGN(address.link_id, fresh_id());
     COMRAD_TRY_ASSIGN(address.host, link::address_of_interface(config.hosts.interface));
     COMRAD_TRY_ASSIGN(dds::LinkBus bus,
-                      dds::LinkBus::open(link::serving_config(
-                          address.link_id, link::link_options(config.hosts, link::kLoopback))));
+                      dds::LinkBus::open(link::serving_config(address.link_id, config.hosts)));
     const link::JoinEndpoint endpoint{link::Offer()};
     COMRAD_TRY_ASSIGN(ChildProcess child,
                       ChildProcess::spawn({.program = call.command[0],

@@ -22,7 +22,7 @@
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/dds/monitor_bus.h"
+#include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -283,13 +283,13 @@ CheckResult check_dds() {
       "and UDP on "
       "127.0.0.1 allowed";
   const dds::BusConfig config =
-      dds::bus_config_for_run(static_cast<uint64_t>(monotonic_ns()) ^ static_cast<uint64_t>(getpid()) << 40);
-  auto sender = dds::MonitorBus::open(config);
+      dds::link_config(static_cast<uint64_t>(monotonic_ns()) ^ static_cast<uint64_t>(getpid()) << 40);
+  auto sender = dds::LinkBus::open(config);
   if (!sender) return warn(name, sender.error().message, action);
-  auto receiver = dds::MonitorBus::open(config);
+  auto receiver = dds::LinkBus::open(config);
   if (!receiver) return warn(name, receiver.error().message, action);
   bool is_heard = false;
-  const auto listen = [&] { receiver->take_stats([&](const dds::RunStats&) { is_heard = true; }); };
+  const auto listen = [&] { receiver->take<dds::RunStats>([&](const dds::RunStats&) { is_heard = true; }); };
   listen();
   const double begin_s = monotonic_s();
   if (const Status sent = sender->write(dds::RunStats{}); !sent)

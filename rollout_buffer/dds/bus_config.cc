@@ -8,8 +8,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cinttypes>
-#include <cstdio>
 
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/dds/keys.h"
@@ -112,8 +110,8 @@ Expected<std::string> make_cyclone_config(const BusConfig& config) {
          config.run_id + R"(</Tag><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>)" +
          std::to_string(config.max_participants - 1) + R"(</MaxAutoParticipantIndex><Ports><Base>)" +
          std::to_string(config.port_base) + R"(</Base></Ports><Peers>)" + peers + R"(</Peers>)" +
-         (config.looks_every_second ? "<SPDPInterval>1s</SPDPInterval>" : "") +
-         R"(</Discovery><Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>)"
+         // A network that was gone is soon back.
+         R"(<SPDPInterval>1s</SPDPInterval></Discovery><Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>)"
          R"(<SocketReceiveBufferSize min="default" max=")" +
          std::to_string(config.receive_buffer_mb) +
          R"(MB"/><Watermarks><WhcHigh>8MB</WhcHigh></Watermarks></Internal>)"
@@ -123,12 +121,10 @@ Expected<std::string> make_cyclone_config(const BusConfig& config) {
          + security + R"(</Domain></CycloneDDS>)";
 }
 
-BusConfig bus_config_for_run(uint64_t run_id) {
-  char digits[17];
-  std::snprintf(digits, sizeof digits, "%016" PRIx64, run_id);
+BusConfig link_config(uint64_t link_id) {
   BusConfig config;
-  config.run_id = digits;
-  config.domain_id = 1 + static_cast<uint32_t>(RngKey(run_id).split("dds domain").bits() % kDomainCount);
+  config.run_id = fmt::format("{:016x}", link_id);
+  config.domain_id = 1 + static_cast<uint32_t>(RngKey(link_id).split("dds domain").bits() % kDomainCount);
   return config;
 }
 

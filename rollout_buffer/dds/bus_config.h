@@ -22,8 +22,7 @@ struct BusConfig {
   /// Of a UDP datagram. What an interface does not carry in one piece (its MTU) the kernel cuts, and keeps what came of it for
   /// 30 s where a piece is lost, in 4 MB for all: then a network that loses 1 % carries nothing any more.
   uint32_t datagram_bytes = 65500;
-  int max_participants = 120;       ///< of one host in this domain
-  bool looks_every_second = false;  ///< for participants, so that a network that was gone is soon back
+  int max_participants = 20;  ///< of one host in this domain
   /// Folder of this host's keys (keys.h): participants prove their identity, and what they send is encrypted. Empty: none.
   std::string key_folder = {};
   bool needs_keys_of_run = false;  ///< this end serves, which only the run's own identity may
@@ -31,10 +30,10 @@ struct BusConfig {
   bool allows_insecure_network = false;
 };
 
-/// The configuration of a run's link, the same for all that know its id: the partition and the discovery tag are the run
-/// id as 16 hex digits, the domain (1..100, so that all ports lie below the ephemeral range) is drawn from it.
+/// The configuration of a run's link, the same for all that know its id: the partition and the discovery tag are the id
+/// as 16 hex digits, the domain (1..100, so that all ports lie below the ephemeral range) is drawn from it.
 /// Participants of two runs that draw the same domain still never see each other, because their tags differ.
-BusConfig bus_config_for_run(uint64_t run_id);
+BusConfig link_config(uint64_t link_id);
 
 /// Cyclone's configuration: no multicast, explicit peers, the run's tag, its message sizes and buffers, Iceoryx off, the
 /// security plugins where there is a key folder. Errors: kUnsupported where those are missing.

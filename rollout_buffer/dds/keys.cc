@@ -17,7 +17,6 @@
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/dds/key_files.h"
-#include "rollout_buffer/dds/monitor_bus.h"
 #include "rollout_buffer/dds/openssl_handles.h"
 
 namespace comrad::dds {
@@ -72,15 +71,6 @@ Status make_folder(const std::string& path) {
   if (errno == EEXIST)
     return Error{ErrorCode::kBadInput, path + " is there already; keys are never replaced"};
   return file_error(path, errno);
-}
-
-/// A new file for its owner alone.
-Status write_private(const std::string& path, const std::string& bytes) {
-  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (descriptor < 0) return file_error(path, errno);
-  const Status written = write_all(descriptor, bytes, path);
-  close(descriptor);
-  return written;
 }
 
 Expected<std::string> pem_of(const X509* certificate) {
@@ -195,18 +185,10 @@ std::string time_text(time_t at_s) {
 
 std::string permissions(const std::string& subject, KeyRole role, const Period& period) {
   std::string publish, subscribe;
-  std::vector<LinkTopic> topics = link_topics();
-  topics.insert(topics.end(), monitor_topics().begin(), monitor_topics().end());
-  for (const LinkTopic& topic : topics) {
-    const std::string line = std::string("<topic>") + topic.name + "</topic>";
-    const bool is_ours = role == KeyRole::kRun ? topic.is_written_by_run : topic.is_written_by_hosts;
-    const bool is_theirs = role == KeyRole::kRun ? topic.is_written_by_hosts : topic.is_written_by_run;
-    if (is_ours) publish += line;
-    if (is_theirs) subscribe += line;
-  }
+  for (const LinkTopic& topic : link_topics())
+    (topic.writer == role ? publish : subscribe) += std::string("<topic>") + topic.name + "</topic>";
   const std::string partitions =
-      "<partitions><partition>comrad-link-*</partition><partition>comrad-door-*</partition>"
-      "<partition>comrad-monitor-*</partition></partitions>";
+      "<partitions><partition>comrad-link-*</partition><partition>comrad-door-*</partition></partitions>";
   return std::string(kDocumentHead) +
          R"("http://www.omg.org/spec/DDS-SECURITY/20170901/omg_shared_ca_permissions.xsd">
 <permissions><grant name="link">
@@ -234,11 +216,11 @@ Status write_identity(const std::string& folder, const std::string& name, KeyRol
   COMRAD_TRY_ASSIGN(const std::string rights,
                     signed_by(authority, permissions(subject_of(certificate.get()), role, period)));
   COMRAD_TRY(make_folder(folder));
-  COMRAD_TRY(write_private(folder + "/" + kAuthorityFile, authority_pem));
-  COMRAD_TRY(write_private(folder + "/" + kIdentityFile, identity_pem));
-  COMRAD_TRY(write_private(folder + "/" + kKeyFile, key_pem));
-  COMRAD_TRY(write_private(folder + "/" + kGovernanceFile, rules));
-  return write_private(folder + "/" + kPermissionsFile, rights);
+  COMRAD_TRY(write_private_file(folder + "/" + kAuthorityFile, authority_pem));
+  COMRAD_TRY(write_private_file(folder + "/" + kIdentityFile, identity_pem));
+  COMRAD_TRY(write_private_file(folder + "/" + kKeyFile, key_pem));
+  COMRAD_TRY(write_private_file(folder + "/" + kGovernanceFile, rules));
+  return write_private_file(folder + "/" + kPermissionsFile, rights);
 }
 
 Status write_hosts(const KeyRequest& request, const Period& period, const Authority& authority) {
@@ -248,6 +230,14 @@ Status write_hosts(const KeyRequest& request, const Period& period, const Author
 }
 
 }  // namespace
+
+Status write_private_file(const std::string& path, const std::string& bytes) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) return file_error(path, errno);
+  const Status written = write_all(file, bytes, path);
+  close(file);
+  return written;
+}
 
 Status make_keys(const KeyRequest& request) {
   COMRAD_TRY(check_request(request));
@@ -271,8 +261,8 @@ Status make_keys(const KeyRequest& request) {
   COMRAD_TRY_ASSIGN(const std::string certificate_pem, pem_of(authority.certificate.get()));
   COMRAD_TRY_ASSIGN(const std::string key_pem, pem_of(authority.key.get()));
   COMRAD_TRY(make_folder(request.folder + "/authority"));
-  COMRAD_TRY(write_private(request.folder + "/authority/" + kAuthorityFile, certificate_pem));
-  COMRAD_TRY(write_private(request.folder + "/authority/" + kAuthorityKeyFile, key_pem));
+  COMRAD_TRY(write_private_file(request.folder + "/authority/" + kAuthorityFile, certificate_pem));
+  COMRAD_TRY(write_private_file(request.folder + "/authority/" + kAuthorityKeyFile, key_pem));
   COMRAD_TRY(write_identity(request.folder + "/run", "run", KeyRole::kRun, period, authority));
   COMRAD_TRY(make_folder(request.folder + "/hosts"));
   return write_hosts(request, period, authority);

@@ -17,8 +17,7 @@ enum class KeyRole { kRun, kHost };
 /// A topic of the link as permissions see it. Each role reads what the other one writes.
 struct LinkTopic {
   const char* name;
-  bool is_written_by_run;
-  bool is_written_by_hosts;
+  KeyRole writer;
 };
 const std::vector<LinkTopic>& link_topics();
 
@@ -39,6 +38,9 @@ Status make_keys(const KeyRequest& request);
 /// Makes identities for more hosts, signed by the authority that is there. Errors: as make_keys(); kBadInput where a
 /// host has one; kNotFound without an authority.
 Status add_keys(const KeyRequest& request);
+
+/// Writes a new file for its owner alone: a key, a link's id. Errors: as file_error().
+Status write_private_file(const std::string& path, const std::string& bytes);
 
 /// The identity in one key folder: <folder>/run or <folder>/hosts/<name>.
 struct KeyIdentity {

@@ -1,7 +1,9 @@
-// The link between hosts: what a host that plays for a learner of another host and that learner's host exchange. A
-// participant apart from the run's bus, so that a network reaches nothing but these topics.
+// The link between hosts: what a host that plays for a learner of another host and that learner's host exchange, and what
+// a run with --publish reports to monitors of other hosts. A network reaches nothing of a run but these topics.
 #pragma once
 
+#include <algorithm>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -12,20 +14,24 @@
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
+#include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus_config.h"
 #include "rollout_buffer/schema/episode_record.h"
+#include "rollout_buffer/schema/train_stats.h"
 
 namespace comrad::dds {
 
 constexpr uint32_t kLinkVersion =
-    8;  ///< of all messages but questions and answers: other versions do not meet
+    9;  ///< of all messages but questions and answers: other versions do not meet
 constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of an answer's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them
 constexpr std::size_t kFrameBatchBytes = 1 << 22;       ///< most of a batch of frames, as it travels
 constexpr std::size_t kQuestionBytes = 1023;            ///< most of the text of a question or an answer
+constexpr std::size_t kScenarioBytes = 4096;            ///< most of a scenario's name: no path is longer
 
 /// A question to a run's join endpoint, and its answer. They never change.
 struct JoinQuestion {
@@ -40,20 +46,41 @@ struct JoinAnswer {
   std::string payload = {};
 };
 
-enum class Topic { kQuestion, kAnswer, kReport, kState, kTrajectory, kWeights, kEpisode, kFrames, kActions };
+enum class Topic {
+  kQuestion,
+  kAnswer,
+  kReport,
+  kState,
+  kTrajectory,
+  kWeights,
+  kEpisode,
+  kFrames,
+  kActions,
+  kWorker,
+  kTrainStats,
+  kEpisodeResult
+};
+constexpr std::size_t kTopicCount = 12;
 
-/// Words in a message: at most 255 bytes, cut between two characters.
-class Words {
+/// How many bytes of `text` fit into `most`, cut between two characters of UTF-8.
+std::size_t whole_characters(std::string_view text, std::size_t most);
+
+/// Text in a message; what does not fit is cut.
+template <std::size_t kBytes>
+class BoundedText {
  public:
-  Words() = default;
-  Words(std::string_view text);
-  Words(const char* text) : Words(std::string_view(text)) {}
-  Words(const std::string& text) : Words(std::string_view(text)) {}
-  std::string str() const;
+  BoundedText() = default;
+  template <std::convertible_to<std::string_view> Text>
+  BoundedText(const Text& text) {
+    const std::string_view given = text;
+    std::copy_n(given.data(), whole_characters(given, kBytes - 1), bytes_);
+  }
+  std::string str() const { return {bytes_, strnlen(bytes_, kBytes)}; }
 
  private:
-  char bytes_[256] = {};
+  char bytes_[kBytes] = {};
 };
+using Words = BoundedText<256>;
 
 // The messages travel as they lie in memory, up to `payload`: a change bumps kLinkVersion. What arrives has the right
 // size, and every number and every byte of it is its sender's.
@@ -162,6 +189,51 @@ struct PeerEpisode {
   uint64_t key() const { return 0; }
 };
 
+// What a run with --publish reports to monitors, once a second. It reads nothing of theirs.
+
+/// One worker of the run; its role "supervisor": the run itself, "host": all workers of another host that plays for it.
+struct WorkerStatus {
+  static constexpr Topic kTopic = Topic::kWorker;
+  Words worker_id = {};  ///< the key: "sim-0", "policy-0", "learner", "supervisor"
+  Words host = {};
+  BoundedText<32> role = {}, state = {};
+  double decisions_per_s = 0;
+  double busy = 0;  ///< share of the last second or so that it did not wait for others, 0 to 1
+  double silent_s = 0;
+  double cpu_s = 0;
+  uint64_t resident_bytes = 0;
+  int32_t pid = 0;  ///< 0: none now
+  uint32_t restarts = 0;
+  BoundedText<512> message = {};
+  uint64_t key() const { return checksum64(std::as_bytes(std::span(&worker_id, 1))); }
+};
+
+/// The learner's report, and what it is a part of.
+struct RunStats {
+  static constexpr Topic kTopic = Topic::kTrainStats;
+  Words run = {};              ///< name of the run's folder
+  double elapsed_s = 0;        ///< of this start of the run
+  double env_frames_goal = 0;  ///< train_for_env_frames
+  uint32_t frame_skip = 1;
+  uint32_t unused = 0;
+  TrainStats stats = {};
+  uint64_t key() const { return 0; }
+};
+
+/// An episode that ended in the run; the payload is the scenario.
+struct EpisodeResult {
+  static constexpr Topic kTopic = Topic::kEpisodeResult;
+  EpisodeRecord record = {};
+  std::span<const std::byte> payload = {};
+  uint64_t key() const { return 0; }
+};
+
+/// What discovery shows of a run, also of one of another version.
+struct SeenRun {
+  bool serves = false;
+  std::vector<uint32_t> published_versions = {};  ///< of each writer that reports to monitors
+};
+
 /// What carries the messages: Cyclone DDS, or a simulated network. Threads: one.
 class LinkCarrier {
  public:
@@ -173,20 +245,18 @@ class LinkCarrier {
   virtual void take(Topic topic, const Visitor& visit) = 0;
   virtual bool is_acknowledged(Topic topic) const = 0;
   virtual bool wait(int timeout_ms) = 0;
+  virtual SeenRun seen() const { return {}; }
 };
-
-/// The configuration of a run's link, for all that know its id. It is a small domain: one learner's host, and on each
-/// other host a few processes that play for it.
-BusConfig link_config(uint64_t link_id);
 
 /// One participant of a link. Spans that a visitor gets end with its call; it may write. take() never blocks. Threads: one.
 class LinkBus {
  public:
-  /// Errors: as Bus::open.
-  static Expected<LinkBus> open(const BusConfig& config);
+  /// Another `version` is for tests. Errors: those of validate(), kBadInput where this process takes part in another run of
+  /// the same domain, kSystem with Cyclone's return code and what to check.
+  static Expected<LinkBus> open(const BusConfig& config, uint32_t version = kLinkVersion);
   explicit LinkBus(std::unique_ptr<LinkCarrier> carrier) : carrier_(std::move(carrier)) {}
 
-  /// Errors: kBadInput for a payload beyond its bound; kTimeout where readers do not keep up, and nothing was written;
+  /// Errors: kBadInput for a payload beyond its bound, or where keys do not allow it; kTimeout where readers do not keep up, and nothing was written;
   /// kSystem.
   template <typename Message>
   Status write(const Message& message) {
@@ -216,8 +286,9 @@ class LinkBus {
 
   /// Whether all chunks of weights that were written have reached every reader.
   bool has_sent_weights() const { return carrier_->is_acknowledged(Topic::kWeights); }
-  /// As Bus::wait.
+  /// Blocks until something lies ready on any reader made so far, or `timeout_ms`. True if something does.
   bool wait(int timeout_ms) { return carrier_->wait(timeout_ms); }
+  SeenRun seen() const { return carrier_->seen(); }
 
  private:
   template <typename Message>

@@ -2,7 +2,6 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/dds/participant.h"
 
 namespace comrad::dds {
 namespace {

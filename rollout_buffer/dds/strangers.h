@@ -10,6 +10,19 @@
 
 namespace comrad::dds {
 
+/// Calls `visit(sample, info)` for all that lies ready at a reader, oldest first.
+template <typename Visit>
+void take_all(dds_entity_t reader, Visit visit) {
+  constexpr int kAtOnce = 32;
+  for (int taken = kAtOnce; reader > 0 && taken == kAtOnce;) {
+    void* samples[kAtOnce] = {};
+    dds_sample_info_t infos[kAtOnce];
+    taken = dds_take(reader, samples, infos, kAtOnce, kAtOnce);
+    for (int i = 0; i < taken; ++i) visit(samples[i], infos[i]);
+    if (taken > 0) dds_return_loan(reader, samples, taken);
+  }
+}
+
 /// Whether a line of Cyclone's log only reports a failed handshake or a refused peer.
 bool is_about_a_stranger(std::string_view line);
 

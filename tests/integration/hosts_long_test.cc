@@ -142,11 +142,17 @@ TEST_F(HostRuns, FourHostsTrainTogether) {
     if (delivered > 0)
       std::printf(", %.0f bytes each; %.1f MB/s sent", (now.bytes - before.bytes) / delivered,
                   (now.sent_bytes - before.sent_bytes) / seconds / 1e6);
+    double all_cpu_s = 0, receiver_cpu_s = 0;
     for (const auto& [role, cpu_s] : now.cpu_s) {
-      const double count = role == "receiver" ? delivered : trained;
-      if (count > 0 && before.cpu_s.contains(role))
-        std::printf("; %s %.3f CPU s per 1000", role.c_str(), (cpu_s - before.cpu_s.at(role)) / count * 1000);
+      const double used_s = cpu_s - (before.cpu_s.contains(role) ? before.cpu_s.at(role) : 0);
+      const bool is_receiver = role == "trajectory receiver";
+      const double count = is_receiver ? delivered : trained;
+      all_cpu_s += used_s;
+      if (is_receiver) receiver_cpu_s = used_s;
+      if (count > 0) std::printf("; %s %.3f CPU s per 1000", role.c_str(), used_s / count * 1000);
     }
+    if (all_cpu_s > 0)
+      std::printf("; receiver %.1f %% of the CPU s of the learner's host", 100 * receiver_cpu_s / all_cpu_s);
     const nlohmann::json report = last_report(run);
     std::printf("; policy lag %.1f versions, at most %.0f\n", report.value("train/version_diff_avg", -1.0),
                 report.value("train/version_diff_max", -1.0));

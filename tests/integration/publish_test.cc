@@ -29,20 +29,25 @@ Ending look(const std::string& address, const std::vector<std::string>& more = {
 
 TEST(Publish, ARunIsSeenFromItsFirstWorkerToItsEndAndOnlyWithItsKeys) {
   const ScratchFolder scratch;
-  const std::string run = scratch / "run", keys = scratch / "keys";
-  ASSERT_EQ(comrad({"keys", "make", keys, "--hosts", "monitor"}).exit_code, 0);
+  const std::string run = scratch / "run", keys = scratch / "keys", others = scratch / "others";
+  for (const std::string& folder : {keys, others})
+    ASSERT_EQ(comrad({"keys", "make", folder, "--hosts", "monitor"}).exit_code, 0);
   RunningProgram training(small_training(scratch, "run", 1e9, {"--publish", "--keys", keys + "/run"}));
   ASSERT_TRUE(wait_until([&] { return env_frames(run) > 0 || !training.running(); }));
   ASSERT_TRUE(training.running()) << training.wait().err;
 
   const std::string mine = keys + "/hosts/monitor";
-  const Ending seen = look(run, {"--keys", mine, "--wait_s", "60"});
-  ASSERT_EQ(seen.exit_code, 0) << seen.err;
-  const nlohmann::json told = nlohmann::json::parse(seen.out)["runs"][0];
+  nlohmann::json told;
+  const bool has_played = wait_until([&] {  // the report follows status.json
+    const Ending seen = look(run, {"--keys", mine, "--wait_s", "60"});
+    EXPECT_EQ(seen.exit_code, 0) << seen.err;
+    if (seen.exit_code == 0) told = nlohmann::json::parse(seen.out)["runs"][0];
+    return seen.exit_code != 0 || told["env_frames"].get<double>() > 0;
+  });
+  ASSERT_TRUE(has_played && !told.is_null());
   EXPECT_EQ(told["run"], "run");
   EXPECT_EQ(told["state"], "running");
   EXPECT_EQ(told["workers"].size(), 4u) << "2 simulators, a policy worker, the learner: " << told;
-  EXPECT_GT(told["env_frames"].get<double>(), 0);
   const Ending page = comrad({"top", "--remote", run, "--once", "--keys", mine, "--wait_s", "60"});
   EXPECT_THAT(page.out, HasSubstr("run: running"));
   EXPECT_THAT(page.out, HasSubstr("sim-1"));
@@ -51,6 +56,9 @@ TEST(Publish, ARunIsSeenFromItsFirstWorkerToItsEndAndOnlyWithItsKeys) {
   expect_one_line(stranger, "top");
   EXPECT_THAT(stranger.err, HasSubstr("no report"));
   EXPECT_THAT(stranger.err, HasSubstr("--keys"));
+  const Ending of_another_authority = look(run, {"--keys", others + "/hosts/monitor", "--wait_s", "5"});
+  expect_one_line(of_another_authority, "top");
+  EXPECT_THAT(of_another_authority.err, HasSubstr("keys are of the same authority"));
 
   RunningProgram watching({program("comrad"), "top", "--remote", run, "--json", "--keys", mine, "--wait_s",
                            "60", "--interval", "0.2"});

@@ -320,7 +320,7 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("deploy/launch/supervisor.cc", "learner/checkpoint/checkpoint.h"));
   EXPECT_TRUE(is_fault("rollout_buffer/settings/layers.cc", "rollout_buffer/schema/spec.h"));
   EXPECT_TRUE(is_fault("rollout_buffer/schema/spec.cc", "rollout_buffer/shm/arena.h"));
-  EXPECT_TRUE(is_fault("rollout_buffer/dds/monitor_bus.cc", "rollout_buffer/shm/arena.h"));
+  EXPECT_TRUE(is_fault("rollout_buffer/dds/link_bus.cc", "rollout_buffer/shm/arena.h"));
   EXPECT_TRUE(is_fault("sim_workers/engine/play/damage.cc", "sim_workers/engine/specials/line_specials.h"));
   EXPECT_TRUE(is_fault("sim_workers/engine/specials/floors.cc", "sim_workers/engine/acs/machine.h"));
   EXPECT_TRUE(is_fault("sim_workers/engine/world/world.h", "sim_workers/engine/tic/tic.h"));
@@ -352,7 +352,7 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("policy_workers/network/actor_critic.cc", "cuda_runtime_api.h", false));
   EXPECT_FALSE(is_fault("policy_workers/device/queue.cc", "cuda_runtime_api.h", false));
   EXPECT_FALSE(is_fault("rollout_buffer/shm/arena.h", "rollout_buffer/schema/trajectory.h"));
-  EXPECT_FALSE(is_fault("deploy/launch/supervisor.cc", "rollout_buffer/dds/monitor_bus.h"));
+  EXPECT_FALSE(is_fault("deploy/launch/supervisor.cc", "rollout_buffer/dds/link_bus.h"));
 }
 
 TEST(Layering, TheReaderSeesEverySpelling) {

@@ -24,8 +24,12 @@ constexpr std::size_t kSpareSlabs = 2;    // of a host, beyond one for each envi
 constexpr std::size_t kMostWhole = 4;     // copies of an environment that wait to be sealed
 constexpr std::size_t kAnsweredKept = 8;  // rollouts of an environment
 
-bool is_same(const FrameRequest& a, const FrameRequest& b) {
-  return a.step_id == b.step_id && a.rollout_index == b.rollout_index && a.kind == b.kind && a.step == b.step;
+FrameAnswer answer_to(const FrameRequest& request) {
+  return {.step_id = request.step_id,
+          .rollout_index = request.rollout_index,
+          .env_index = request.env_index,
+          .kind = request.kind,
+          .step = request.step};
 }
 
 }  // namespace
@@ -104,8 +108,8 @@ void FrameReceiver::opened(Peer& peer) {
 void FrameReceiver::closing(Peer& closed) {
   auto& peer = static_cast<FramePeer&>(closed);
   for (Mirror& one : peer.mirrors) {
-    if (one.has_slab && one.is_whole) count_lost(peer, one.next_step);
-    for (const Copy& copy : one.whole) count_lost(peer, copy.length);
+    if (one.has_slab && one.is_whole) count_lost(peer, one.copy.rollout.length);
+    for (const Copy& copy : one.whole) count_lost(peer, copy.rollout.length);
     out_count_ -= one.is_out;
   }
   peer.reserved.clear();
@@ -158,13 +162,13 @@ void FrameReceiver::take(FramePeer& peer, const dds::FrameBatch& batch) {
 
 void FrameReceiver::abandon(FramePeer& peer, Mirror& one) {
   if (!one.has_slab) return;
-  lose(peer, one.slab, one.next_step);
+  lose(peer, one.copy);
   one.has_slab = false;
 }
 
-void FrameReceiver::lose(FramePeer& peer, uint32_t slab, uint64_t steps) {
-  count_lost(peer, steps);
-  arena_.slabs().abandon(slab);
+void FrameReceiver::lose(FramePeer& peer, const Copy& copy) {
+  count_lost(peer, copy.rollout.length);
+  arena_.slabs().abandon(copy.slab);
 }
 
 void FrameReceiver::count_lost(FramePeer& peer, uint64_t steps) const {
@@ -179,11 +183,13 @@ void FrameReceiver::confirm(FramePeer& peer, Mirror& one, const FrameRequest& re
       std::ranges::find(one.answered, request.rollout_index, &std::pair<uint64_t, bool>::first);
   bool is_sealed = known != one.answered.end() && known->second;
   if (known == one.answered.end()) {
-    const auto copy = std::ranges::find(one.whole, request.rollout_index, &Copy::rollout_index);
+    const auto copy = std::ranges::find_if(one.whole, [&](const Copy& known_copy) {
+      return known_copy.rollout.rollout_index == request.rollout_index;
+    });
     if (copy != one.whole.end()) {
-      is_sealed = copy->length == request.step && seal(peer, one, *copy);
-      if (!is_sealed) lose(peer, copy->slab, copy->length);
-      for (auto old = one.whole.begin(); old != copy; ++old) lose(peer, old->slab, old->length);
+      is_sealed = copy->rollout.length == request.step && seal(peer, one, *copy);
+      if (!is_sealed) lose(peer, *copy);
+      for (auto old = one.whole.begin(); old != copy; ++old) lose(peer, *old);
       one.whole.erase(one.whole.begin(), copy + 1);
     }
     one.answered.emplace_back(request.rollout_index, is_sealed);
@@ -191,32 +197,28 @@ void FrameReceiver::confirm(FramePeer& peer, Mirror& one, const FrameRequest& re
   } else {
     ++peer.record.duplicates;
   }
-  if (peer.payload.size() >= dds::kChunkBytes / 2) return;  // it is asked again
-  add_answer(peer.payload,
-             {.step_id = request.step_id,
-              .rollout_index = request.rollout_index,
-              .env_index = request.env_index,
-              .kind = kSealedKind,
-              .step = request.step,
-              .is_sealed = is_sealed},
-             {});
+  FrameAnswer told = answer_to(request);
+  told.is_sealed = is_sealed;
+  answer(peer, told, {});
 }
 
 /// Takes a promised slab. False where there is none: more was begun than promised.
 bool FrameReceiver::begin_slab(FramePeer& peer, Mirror& one, const FrameRequest& request) {
   abandon(peer, one);
   if (peer.reserved.empty()) return false;
-  one.slab = peer.reserved.front();
+  const uint32_t slab = peer.reserved.front();
   peer.reserved.pop_front();
   one.has_slab = true;
   one.is_whole = request.step == 0;
-  one.next_step = 0;
-  one.layout_id = request.layout_id;
-  one.first_episode = {.episode_id = request.first_episode_id, .episode_seed = request.first_episode_seed};
-  shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(one.slab));
+  one.copy = {.slab = slab,
+              .rollout = {.rollout_index = request.rollout_index,
+                          .layout_id = request.layout_id,
+                          .first_episode = {.episode_id = request.first_episode_id,
+                                            .episode_seed = request.first_episode_seed}}};
+  shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slab));
   header.env_index = static_cast<uint32_t>(one.env);
   header.length = 0;
-  arena_.slabs().view(static_cast<int>(one.slab)).clear();
+  arena_.slabs().view(static_cast<int>(slab)).clear();
   return true;
 }
 
@@ -233,17 +235,18 @@ void FrameReceiver::mirror(FramePeer& peer, const FrameRequest& request, const F
     if (is_known && is_first &&
         std::exchange(one.counted_epoch, peer.session.epoch()) != peer.session.epoch())
       peer.session.begin_one();
-    if (is_known && one.is_answered) answer(peer, one);
+    if (is_known && one.is_answered) answer(peer, one.answer, one.choices);
     return;
   }
+  const uint32_t next_step = one.copy.rollout.length;
   const bool follows = one.has_slab && request.rollout_index == one.request.rollout_index &&
-                       request.step == one.next_step && one.next_step > 0;
+                       request.step == next_step && next_step > 0;
   if (!follows && !begin_slab(peer, one, request)) return;
   if (is_first) {
     peer.session.begin_one();
     one.counted_epoch = peer.session.epoch();
   }
-  const SlabView slab = arena_.slabs().view(static_cast<int>(one.slab));
+  const SlabView slab = arena_.slabs().view(static_cast<int>(one.copy.slab));
   frames.copy_to(slab);
   if (request.step > 0) {
     const int last = static_cast<int>(request.step) - 1;
@@ -261,15 +264,15 @@ void FrameReceiver::mirror(FramePeer& peer, const FrameRequest& request, const F
   one.is_answered = false;
   ++out_count_;
   const shm::ArenaShape& shape = arena_.shape();
-  const int worker = one.env / shape.envs_per_worker, local = one.env % shape.envs_per_worker;
-  const int split = shape.splits_per_worker > 1 && local >= shape.split_begin(1) ? 1 : 0;
-  uint32_t& count = round_[static_cast<std::size_t>(worker * shape.splits_per_worker + split)];
-  arena_.step_slots().round(worker, split).request_count.store(++count, std::memory_order_relaxed);
+  const int place = split_of(shape, one.env);
+  arena_.step_slots()
+      .round(place / shape.splits_per_worker, place % shape.splits_per_worker)
+      .request_count.store(++round_[static_cast<std::size_t>(place)], std::memory_order_relaxed);
   shm::StepSlot& slot = arena_.step_slots().slot(one.env);
   slot.step_id = request.step_id;
   slot.episode_id = request.episode_id;
   slot.episode_step = request.episode_step;
-  slot.slab_index = one.slab;
+  slot.slab_index = one.copy.slab;
   slot.step = request.step;
   slot.final_row = request.final_row;
   slot.kind = static_cast<RequestKind>(request.kind);
@@ -296,60 +299,50 @@ void FrameReceiver::finish(FramePeer& peer, Mirror& one) {
   one.is_answered = true;
   --out_count_;
   const FrameRequest& request = one.request;
-  one.answer = {.step_id = request.step_id,
-                .rollout_index = request.rollout_index,
-                .env_index = request.env_index,
-                .kind = request.kind,
-                .step = request.step};
-  const SlabView slab = arena_.slabs().view(static_cast<int>(one.slab));
+  one.answer = answer_to(request);
+  const SlabView slab = arena_.slabs().view(static_cast<int>(one.copy.slab));
+  uint32_t& length = one.copy.rollout.length;
   switch (static_cast<RequestKind>(request.kind)) {
     case RequestKind::kAct:
       std::copy_n(slab.action(static_cast<int>(request.step), 0).data(), one.choices.size(),
                   one.choices.data());
-      one.next_step = request.step + 1;
+      length = request.step + 1;
       break;
     case RequestKind::kFinal:
       break;
     case RequestKind::kValue:
-      if (!one.is_whole || one.next_step != request.step) {
+      if (!one.is_whole || length != request.step) {
         abandon(peer, one);
         break;
       }
-      if (!one.whole.empty() && one.whole.back().rollout_index == request.rollout_index) {
-        lose(peer, one.whole.back().slab,
-             one.whole.back().length);  // its simulator died before it sealed it
+      if (!one.whole.empty() && one.whole.back().rollout.rollout_index == request.rollout_index) {
+        lose(peer, one.whole.back());  // its simulator died before it sealed it
         one.whole.pop_back();
       }
-      one.whole.push_back({.slab = one.slab,
-                           .length = one.next_step,
-                           .rollout_index = request.rollout_index,
-                           .layout_id = one.layout_id,
-                           .first_episode = one.first_episode});
+      one.copy.rollout.rollout_index = request.rollout_index;
+      one.whole.push_back(one.copy);
       one.has_slab = false;
       if (one.whole.size() > kMostWhole) {
-        lose(peer, one.whole.front().slab, one.whole.front().length);
+        lose(peer, one.whole.front());
         one.whole.pop_front();
       }
       break;
   }
-  answer(peer, one);
+  answer(peer, one.answer, one.choices);
 }
 
 /// What does not fit is requested again.
-void FrameReceiver::answer(FramePeer& peer, const Mirror& one) {
-  if (peer.payload.size() < dds::kChunkBytes / 2) add_answer(peer.payload, one.answer, one.choices);
+void FrameReceiver::answer(FramePeer& peer, const FrameAnswer& given, std::span<const int32_t> choices) {
+  if (peer.payload.size() < dds::kChunkBytes / 2) add_answer(peer.payload, given, choices);
 }
 
 /// False for a rollout that the host has played before.
 bool FrameReceiver::seal(FramePeer& peer, const Mirror& one, const Copy& copy) {
-  const uint64_t rollout_index = places_.rollout_of(one.env, copy.rollout_index);
-  if (places_.ahead(one.env, rollout_index) < 0) return false;
-  arena_.slabs().view(static_cast<int>(copy.slab)).pad(static_cast<int>(copy.length));
-  const uint64_t decisions = places_.seal(one.env, copy.slab,
-                                          {.rollout_index = rollout_index,
-                                           .length = copy.length,
-                                           .layout_id = copy.layout_id,
-                                           .first_episode = copy.first_episode});
+  RemoteRollout rollout = copy.rollout;
+  rollout.rollout_index = places_.rollout_of(one.env, rollout.rollout_index);
+  if (places_.ahead(one.env, rollout.rollout_index) < 0) return false;
+  arena_.slabs().view(static_cast<int>(copy.slab)).pad(static_cast<int>(rollout.length));
+  const uint64_t decisions = places_.seal(one.env, copy.slab, rollout);
   peer.record.decisions += decisions;
   peer.record.played_there += decisions;
   ++peer.record.slabs;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -25,28 +26,22 @@ class FrameReceiver final : public ServingEnd {
   void begin() override;
 
  private:
-  /// A whole copy, to be sealed when the simulator has sealed its own.
+  /// A copy of a simulator's slab, to be sealed when the simulator has sealed its own.
   struct Copy {
     uint32_t slab = 0;
-    uint32_t length = 0;
-    uint64_t rollout_index = 0;  ///< of the simulators' host
-    uint64_t layout_id = 0;
-    EpisodeStamp first_episode;
+    RemoteRollout rollout;  ///< its index is that of the simulators' host
   };
   /// One environment of another host, and the slab in which it plays here.
   struct Mirror {
     int env = 0;  ///< of this arena
     bool has_slab = false, is_out = false, is_answered = false;
-    bool is_whole = false;  ///< every row of the slab was seen, from the first one on
-    uint32_t slab = 0;
-    uint32_t next_step = 0;
+    bool is_whole = false;       ///< every row of the slab was seen, from the first one on
     uint32_t counted_epoch = 0;  ///< in which its first row was counted as begun
-    uint64_t layout_id = 0;
-    EpisodeStamp first_episode;
-    FrameRequest request;  ///< the newest
+    Copy copy;                   ///< in the making
+    FrameRequest request;        ///< the newest
     FrameAnswer answer;
     std::vector<int32_t> choices;  ///< of `answer`
-    std::deque<Copy> whole;
+    std::deque<Copy> whole;        ///< copies
     std::deque<std::pair<uint64_t, bool>>
         answered;  ///< rollouts, and whether they were sealed: requested again, reported again
   };
@@ -75,10 +70,10 @@ class FrameReceiver final : public ServingEnd {
   void abandon(FramePeer& peer, Mirror& mirror);
   bool collect();
   void finish(FramePeer& peer, Mirror& mirror);
-  void answer(FramePeer& peer, const Mirror& mirror);
+  void answer(FramePeer& peer, const FrameAnswer& given, std::span<const int32_t> choices);
   void confirm(FramePeer& peer, Mirror& mirror, const FrameRequest& request);
   bool seal(FramePeer& peer, const Mirror& mirror, const Copy& copy);
-  void lose(FramePeer& peer, uint32_t slab, uint64_t steps);
+  void lose(FramePeer& peer, const Copy& copy);
   void count_lost(FramePeer& peer, uint64_t steps) const;
   shm::Doorbell& acted() const;
 

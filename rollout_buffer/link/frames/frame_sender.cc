@@ -79,20 +79,18 @@ Status FrameSender::say_hello(bool is_leaving) {
 
 FrameRequest FrameSender::request_of(const shm::StepSlot& slot, int env) const {
   const shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slot.slab_index));
-  FrameRequest request;
-  request.step_id = slot.step_id;
-  request.episode_id = slot.episode_id;
-  request.rollout_index = header.rollout_index;
-  request.layout_id = header.layout_id;
-  request.first_episode_id = header.first_episode.episode_id;
-  request.first_episode_seed = header.first_episode.episode_seed;
-  request.env_index = static_cast<uint32_t>(env);
-  request.kind = static_cast<uint32_t>(slot.kind);
-  request.step = slot.step;
-  request.final_row = slot.final_row;
-  request.episode_step = slot.episode_step;
-  request.reset_state = slot.reset_state;
-  return request;
+  return {.step_id = slot.step_id,
+          .episode_id = slot.episode_id,
+          .rollout_index = header.rollout_index,
+          .layout_id = header.layout_id,
+          .first_episode_id = header.first_episode.episode_id,
+          .first_episode_seed = header.first_episode.episode_seed,
+          .env_index = static_cast<uint32_t>(env),
+          .kind = static_cast<uint32_t>(slot.kind),
+          .step = slot.step,
+          .final_row = slot.final_row,
+          .episode_step = slot.episode_step,
+          .reset_state = slot.reset_state};
 }
 
 /// A first row begins a trajectory on the other end, which limits how many it has room for.
@@ -116,9 +114,7 @@ bool FrameSender::send_ready() {
     Pending& pending = pending_[static_cast<std::size_t>(env)];
     // A new simulator may ask in place of a dead one, even the same.
     const FrameRequest request = request_of(slot, env);
-    const bool is_again = pending.is_out && request.step_id == pending.request.step_id &&
-                          request.rollout_index == pending.request.rollout_index &&
-                          request.step == pending.request.step;
+    const bool is_again = pending.is_out && is_same(request, pending.request);
     out_count_ += !std::exchange(pending.is_out, true);
     pending.request = request;
     pending.slab = slot.slab_index;
@@ -160,7 +156,6 @@ bool FrameSender::send_batch() {
   const Status written = bus_.write(batch);
   if (written) {
     ++batch_index_;
-    ++account_.batches;
     account_.raw_bytes += batch.raw_bytes;
     account_.sent_bytes += batch.payload.size();
     account_.is_compressed = batch.is_compressed != 0;
@@ -182,7 +177,7 @@ void FrameSender::resend_due() {
   const bool is_silent = session_.silent_s(now_s) > 2 * resend_after_s_;
   std::size_t bytes = 0;
   if (std::exchange(has_failed_, false)) in_hand_.resend_all();
-  if (in_hand_.resend_if_stuck(now_s, resend_after_s_)) account_.resent += in_hand_.size();
+  if (in_hand_.resend_if_stuck(now_s, resend_after_s_)) resent_ += in_hand_.size();
   send_sealed();
   for (std::size_t env = 0; env < pending_.size(); ++env) {
     Pending& pending = pending_[env];
@@ -195,7 +190,7 @@ void FrameSender::resend_due() {
     }
     packer_.add(pending.request, arena_.slabs().view(static_cast<int>(pending.slab)));
     packed_.push_back(static_cast<int>(env));
-    ++account_.resent;
+    ++resent_;
     bytes = packer_.bytes().size();
     if (bytes > batch_bytes_ / 2 && (!send_batch() || is_silent)) return;  // a dead link gets one batch
   }
@@ -205,14 +200,7 @@ void FrameSender::resend_due() {
 bool FrameSender::take_actions() {
   bool has_moved = false;
   bus_.take<dds::ActionBatch>([&](const dds::ActionBatch& batch) {
-    switch (hear(batch.state)) {
-      case PeerSession::Heard::kNothing:
-        return;
-      case PeerSession::Heard::kNewSession:
-        return renew();
-      default:
-        has_moved |= take_answers(batch.payload);
-    }
+    if (hear(batch.state)) has_moved |= take_answers(batch.payload);
   });
   return has_moved;
 }
@@ -247,9 +235,7 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
       continue;
     }
     Pending* pending = answer.env_index < pending_.size() ? &pending_[answer.env_index] : nullptr;
-    if (pending == nullptr || !pending->is_out || pending->request.step_id != answer.step_id ||
-        pending->request.rollout_index != answer.rollout_index || pending->request.kind != answer.kind ||
-        pending->request.step != answer.step) {
+    if (pending == nullptr || !pending->is_out || !is_same(pending->request, answer)) {
       ++account_.duplicates;
       continue;
     }
@@ -265,9 +251,7 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
     if (pending->sent_s > 0) latency_.add((now_s - pending->sent_s) * 1e6);
     if (!shm::advance(slot, SlotState::kInBatch, SlotState::kActed)) continue;  // its simulator died
     has_moved = true;
-    const int worker = env / shape.envs_per_worker, local = env % shape.envs_per_worker;
-    const int split = shape.splits_per_worker > 1 && local >= shape.split_begin(1) ? 1 : 0;
-    is_split_acted_[static_cast<std::size_t>(worker * shape.splits_per_worker + split)] = true;
+    is_split_acted_[static_cast<std::size_t>(split_of(shape, env))] = true;
   }
   for (std::size_t place = 0; place < is_split_acted_.size(); ++place)
     if (is_split_acted_[place])
@@ -289,12 +273,10 @@ void FrameSender::drain() {
 /// Reports that the simulator has sealed its slab.
 FrameRequest FrameSender::sealed_request_of(uint32_t slab) const {
   const shm::SlabHeader& header = arena_.slabs().header(static_cast<int>(slab));
-  FrameRequest request;
-  request.rollout_index = header.rollout_index;
-  request.env_index = header.env_index;
-  request.kind = kSealedKind;
-  request.step = header.length;
-  return request;
+  return {.rollout_index = header.rollout_index,
+          .env_index = header.env_index,
+          .kind = kSealedKind,
+          .step = header.length};
 }
 
 /// Puts into the batch what the other end has to seal and was not notified of. Whether there was any.
@@ -327,14 +309,9 @@ void FrameSender::take_sealed(const FrameAnswer& answer) {
   give_back_done();
 }
 
-SenderAccount FrameSender::account() const {
-  SenderAccount account = SendingEnd::account();
-  account.resent = account_.resent;
-  return account;
-}
-
 std::optional<FrameAccount> FrameSender::frames() const {
   FrameAccount account = account_;
+  account.resent = resent_;
   account.latency_us_p50 = latency_.quantile_us(0.5);
   account.latency_us_p90 = latency_.quantile_us(0.9);
   account.latency_us_p99 = latency_.quantile_us(0.99);

@@ -30,7 +30,6 @@ class FrameSender final : public SendingEnd {
   FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameSenderOptions& options,
               const Clock& clock = kMachineClock);
 
-  SenderAccount account() const override;
   std::optional<FrameAccount> frames() const override;
 
   /// Errors: kBadInput where a request is too large for the link.
@@ -48,8 +47,8 @@ class FrameSender final : public SendingEnd {
 
   void deliver() override;
   Status say_hello(bool is_leaving) override;
+  void renew() override;
   bool take_actions();
-  void renew();
   bool take_answers(std::span<const std::byte> payload);
   bool send_ready();
   bool may_begin(const shm::StepSlot& slot) const;

@@ -23,23 +23,42 @@ struct StepOutcome {
 };
 static_assert(sizeof(StepOutcome) == 8);
 
-bool is_final(uint32_t kind) { return kind == static_cast<uint32_t>(RequestKind::kFinal); }
+bool is_of(const auto& message, RequestKind kind) { return message.kind == static_cast<uint32_t>(kind); }
 
 struct PartBytes {
   std::size_t outcome, frames, measurement, state, mask, active;
   explicit PartBytes(const EnvShape& env) {
     const auto agents = static_cast<std::size_t>(env.num_agents);
     outcome = sizeof(StepOutcome) + agents * sizeof(float);
-    frames = agents * static_cast<std::size_t>(env.channels) * static_cast<std::size_t>(env.height) *
-             static_cast<std::size_t>(env.width);
+    frames = agents * static_cast<std::size_t>(env.frame_bytes());
     measurement = agents * static_cast<std::size_t>(env.measurement_count) * sizeof(float);
     state = static_cast<std::size_t>(env.global_state_count) * sizeof(float);
-    mask = 0;
-    for (int head = 0; head < env.head_count; ++head)
-      mask += agents * static_cast<std::size_t>(env.head_sizes[static_cast<std::size_t>(head)]);
+    mask = agents * static_cast<std::size_t>(env.logit_count());
     active = agents;
   }
 };
+
+/// Calls `use` with where each part behind a request's outcome lies in a slab, and its size, in the order in which they
+/// travel.
+template <typename Use>
+void visit_parts(const FrameRequest& request, const SlabView& slab, Use use) {
+  const EnvShape& env = slab.shape().env;
+  const PartBytes parts(env);
+  if (request.step > 0)
+    use(&slab.reward(static_cast<int>(request.step) - 1, 0),
+        static_cast<std::size_t>(env.num_agents) * sizeof(float));
+  const bool is_of_final = is_of(request, RequestKind::kFinal);
+  const int row = static_cast<int>(is_of_final ? request.final_row : request.step);
+  use(is_of_final ? slab.final_frame(row, 0).data() : slab.frames(row).data(), parts.frames);
+  if (parts.measurement > 0)
+    use(is_of_final ? slab.final_measurement(row, 0).data() : slab.measurement(row, 0).data(),
+        parts.measurement);
+  if (parts.state > 0)
+    use(is_of_final ? slab.final_global_state(row).data() : slab.global_state(row).data(), parts.state);
+  if (is_of_final) return;
+  use(slab.action_mask(row, 0).data(), parts.mask);
+  use(&slab.agent_active(row, 0), parts.active);
+}
 
 void append(std::vector<std::byte>& bytes, const void* from, std::size_t count) {
   const auto* begin = static_cast<const std::byte*>(from);
@@ -52,11 +71,17 @@ Error damaged_frames(const std::string& what) {
 
 }  // namespace
 
+int split_of(const shm::ArenaShape& shape, int env) {
+  const int worker = env / shape.envs_per_worker, local = env % shape.envs_per_worker;
+  const bool is_second = shape.splits_per_worker > 1 && local >= shape.split_begin(1);
+  return worker * shape.splits_per_worker + (is_second ? 1 : 0);
+}
+
 std::size_t bytes_of(const FrameRequest& request, const SlabOffsets& offsets) {
   if (request.kind == kSealedKind) return sizeof request;
   const PartBytes parts(offsets.shape.env);
   return sizeof request + (request.step > 0 ? parts.outcome : 0) + parts.frames + parts.measurement +
-         parts.state + (is_final(request.kind) ? 0 : parts.mask + parts.active);
+         parts.state + (is_of(request, RequestKind::kFinal) ? 0 : parts.mask + parts.active);
 }
 
 std::size_t largest_request_bytes(const SlabOffsets& offsets) {
@@ -66,8 +91,6 @@ std::size_t largest_request_bytes(const SlabOffsets& offsets) {
 }
 
 void FramePacker::add(const FrameRequest& request, const SlabView& slab) {
-  const EnvShape& env = offsets_.shape.env;
-  const PartBytes parts(env);
   ++count_;
   bytes_.reserve(bytes_.size() + bytes_of(request, offsets_));
   append(bytes_, &request, sizeof request);
@@ -78,21 +101,8 @@ void FramePacker::add(const FrameRequest& request, const SlabView& slab) {
                               .terminated = slab.terminated(last),
                               .truncated = slab.truncated(last)};
     append(bytes_, &outcome, sizeof outcome);
-    append(bytes_, &slab.reward(last, 0), static_cast<std::size_t>(env.num_agents) * sizeof(float));
   }
-  if (is_final(request.kind)) {
-    const int row = static_cast<int>(request.final_row);
-    append(bytes_, slab.final_frame(row, 0).data(), parts.frames);
-    if (parts.measurement > 0) append(bytes_, slab.final_measurement(row, 0).data(), parts.measurement);
-    if (parts.state > 0) append(bytes_, slab.final_global_state(row).data(), parts.state);
-    return;
-  }
-  const int row = static_cast<int>(request.step);
-  append(bytes_, slab.frames(row).data(), parts.frames);
-  if (parts.measurement > 0) append(bytes_, slab.measurement(row, 0).data(), parts.measurement);
-  if (parts.state > 0) append(bytes_, slab.global_state(row).data(), parts.state);
-  append(bytes_, slab.action_mask(row, 0).data(), parts.mask);
-  append(bytes_, &slab.agent_active(row, 0), parts.active);
+  visit_parts(request, slab, [&](const void* part, std::size_t bytes) { append(bytes_, part, bytes); });
 }
 
 Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
@@ -104,19 +114,11 @@ Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
   if (request_.env_index >= env_count_)
     return damaged_frames(
         fmt::format("is of environment {}; the host has {}", request_.env_index, env_count_));
-  bool is_possible = request_.kind == kSealedKind && request_.step >= 1 && request_.step <= steps;
-  switch (static_cast<RequestKind>(request_.kind)) {
-    case RequestKind::kAct:
-      is_possible = request_.step < steps;
-      break;
-    case RequestKind::kValue:
-      is_possible = request_.step >= 1 && request_.step <= steps;
-      break;
-    case RequestKind::kFinal:
-      is_possible = request_.step >= 1 && request_.step <= steps &&
-                    request_.final_row < static_cast<uint32_t>(shape.final_capacity);
-      break;
-  }
+  const bool is_first = request_.step == 0, is_last = request_.step == steps;
+  const bool is_possible = request_.step <= steps && request_.kind <= kSealedKind &&
+                           !(is_of(request_, RequestKind::kAct) ? is_last : is_first) &&
+                           (!is_of(request_, RequestKind::kFinal) ||
+                            request_.final_row < static_cast<uint32_t>(shape.final_capacity));
   if (!is_possible)
     return damaged_frames(fmt::format("has a request of kind {} at step {}, which no simulator makes",
                                       request_.kind, request_.step));
@@ -146,41 +148,25 @@ Status FrameUnpacker::check(std::span<const std::byte> body) const {
 }
 
 void FrameUnpacker::copy_to(const SlabView& slab) const {
-  const EnvShape& env = offsets_.shape.env;
-  const PartBytes parts(env);
   const std::byte* from = body_.data();
-  const auto take = [&](void* to, std::size_t count) {
-    if (count > 0) std::memcpy(to, from, count);
-    from += count;
-  };
   if (request_.step > 0) {
     const int last = static_cast<int>(request_.step) - 1;
     StepOutcome outcome;
-    take(&outcome, sizeof outcome);
+    std::memcpy(&outcome, from, sizeof outcome);
+    from += sizeof outcome;
     slab.final_index(last) = outcome.final_index;
     slab.terminated(last) = outcome.terminated != 0;
     slab.truncated(last) = outcome.truncated != 0;
-    take(&slab.reward(last, 0), static_cast<std::size_t>(env.num_agents) * sizeof(float));
   }
-  if (is_final(request_.kind)) {
-    const int row = static_cast<int>(request_.final_row);
-    take(slab.final_frame(row, 0).data(), parts.frames);
-    if (parts.measurement > 0) take(slab.final_measurement(row, 0).data(), parts.measurement);
-    if (parts.state > 0) take(slab.final_global_state(row).data(), parts.state);
-    return;
-  }
-  const int row = static_cast<int>(request_.step);
-  take(slab.frames(row).data(), parts.frames);
-  if (parts.measurement > 0) take(slab.measurement(row, 0).data(), parts.measurement);
-  if (parts.state > 0) take(slab.global_state(row).data(), parts.state);
-  take(slab.action_mask(row, 0).data(), parts.mask);
-  take(&slab.agent_active(row, 0), parts.active);
+  visit_parts(request_, slab, [&](void* part, std::size_t bytes) {
+    std::memcpy(part, from, bytes);
+    from += bytes;
+  });
 }
 
 void add_answer(std::vector<std::byte>& bytes, const FrameAnswer& answer, std::span<const int32_t> choices) {
   append(bytes, &answer, sizeof answer);
-  if (answer.kind == static_cast<uint32_t>(RequestKind::kAct))
-    append(bytes, choices.data(), choices.size_bytes());
+  if (is_of(answer, RequestKind::kAct)) append(bytes, choices.data(), choices.size_bytes());
 }
 
 Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& bytes, const EnvShape& shape,
@@ -193,7 +179,7 @@ Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& byt
   bytes = bytes.subspan(sizeof answer);
   if (answer.kind > kSealedKind)
     return Error{ErrorCode::kBadFormat, fmt::format("an answer to a request of kind {}", answer.kind)};
-  if (answer.kind != static_cast<uint32_t>(RequestKind::kAct)) return std::optional(answer);
+  if (!is_of(answer, RequestKind::kAct)) return std::optional(answer);
   if (bytes.size() < choices.size_bytes()) return cut();
   std::memcpy(choices.data(), bytes.data(), choices.size_bytes());
   bytes = bytes.subspan(choices.size_bytes());
@@ -207,19 +193,14 @@ Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& byt
 
 void CompressionChoice::count(uint64_t decisions, double now_s) {
   constexpr double kWindowS = 0.5;
+  constexpr double kWorthIt = 1.05;  // below it the rates are the same; plain frames cost both hosts less
+  constexpr int kWindowsBetweenTrials = 60;
   if (began_s_ < 0) began_s_ = now_s;
   decisions_ += decisions;
   if (now_s - began_s_ < kWindowS) return;
   rates_[is_compressed_] = static_cast<double>(decisions_) / (now_s - began_s_);
   decisions_ = 0;
   began_s_ = now_s;
-  choose(now_s);
-}
-
-void CompressionChoice::choose(double) {
-  constexpr double kWorthIt =
-      1.05;  // below it the rates are the same, and plain frames cost less of both hosts
-  constexpr int kWindowsBetweenTrials = 60;
   if (is_trial_ && rates_[!is_compressed_] == 0) {  // the other one has never been tried
     is_compressed_ = !is_compressed_;
     return;

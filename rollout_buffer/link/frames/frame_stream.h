@@ -10,6 +10,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/trajectory.h"
+#include "rollout_buffer/shm/arena_shape.h"
 
 namespace comrad::link {
 
@@ -34,6 +35,9 @@ struct FrameRequest {
   uint32_t reset_state = 0;
 };
 static_assert(sizeof(FrameRequest) == 72, "changing this bumps kLinkVersion");
+
+/// The split of an arena, counted over all simulators, to which an environment belongs.
+int split_of(const shm::ArenaShape& shape, int env);
 
 /// Bytes of a request and all that follows it.
 std::size_t bytes_of(const FrameRequest& request, const SlabOffsets& offsets);
@@ -87,6 +91,11 @@ struct FrameAnswer {
 };
 static_assert(sizeof(FrameAnswer) == 32, "changing this bumps kLinkVersion");
 
+/// Whether two messages are about the same request.
+bool is_same(const auto& a, const auto& b) {
+  return a.step_id == b.step_id && a.rollout_index == b.rollout_index && a.kind == b.kind && a.step == b.step;
+}
+
 void add_answer(std::vector<std::byte>& bytes, const FrameAnswer& answer, std::span<const int32_t> choices);
 /// Takes the first answer off `bytes`; `choices` [N * heads] is filled for kAct. Nothing at the end. Errors: kBadFormat
 /// for what is cut, of no kind, or a choice that no head has.
@@ -103,8 +112,6 @@ class CompressionChoice {
   double rate(bool compressed) const { return rates_[compressed]; }
 
  private:
-  void choose(double now_s);
-
   bool is_compressed_ = false;
   bool is_trial_ = true;  ///< of the kind that is not the choice
   bool choice_ = false;
@@ -119,7 +126,6 @@ class LatencyCounts {
  public:
   void add(double us);
   double quantile_us(double share) const;  ///< upper end of its bucket; 0 where nothing was counted
-  uint64_t count() const { return all_; }
 
  private:
   static constexpr std::size_t kBuckets = 8 * 40;

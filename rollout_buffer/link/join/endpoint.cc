@@ -3,8 +3,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cinttypes>
-#include <cstdio>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
@@ -24,10 +23,9 @@ constexpr uint64_t kMostOfferBytes = 4 << 20;
 constexpr uint64_t kMostFileBytes = 256 << 20;
 constexpr std::size_t kMostFiles = 4096;
 
-std::string hex(uint64_t number) {
-  char digits[17];
-  std::snprintf(digits, sizeof digits, "%016" PRIx64, number);
-  return digits;
+std::string hex(uint64_t number) { return fmt::format("{:016x}", number); }
+uint64_t hex_in(const json& object, const char* key) {
+  return std::strtoull(member<std::string>(object, key).c_str(), nullptr, 16);
 }
 
 /// "config.toml", "layouts/map.wad": words without a way out of the folder.
@@ -67,19 +65,19 @@ Expected<Offer> parse_offer(const std::string& text) {
   if (!object.is_object() || !object.contains("files") || !object["files"].is_array())
     return bad("is no object with files");
   Offer offer;
-  offer.scenario = text_in(object, "scenario");
+  offer.scenario = member<std::string>(object, "scenario");
   offer.scenario_checksum = hex_in(object, "scenario_checksum");
   offer.iwad_checksum = hex_in(object, "iwad_checksum");
-  offer.frame_workers = number_in(object, "frame_workers");
-  offer.has_cuda = object.value("has_cuda", json()) == json(true);
+  offer.frame_workers = member<uint64_t>(object, "frame_workers");
+  offer.has_cuda = member<bool>(object, "has_cuda");
   if (!is_plain_name(offer.scenario) || offer.scenario.find('/') != std::string::npos)
     return bad("names no scenario");
   if (object["files"].size() > kMostFiles) return bad("has too many files");
   for (const json& entry : object["files"]) {
     if (!entry.is_object()) return bad("has a file without a name");
-    OfferedFile file{.name = text_in(entry, "name"),
-                     .path = text_in(entry, "path"),
-                     .bytes = number_in(entry, "bytes"),
+    OfferedFile file{.name = member<std::string>(entry, "name"),
+                     .path = member<std::string>(entry, "path"),
+                     .bytes = member<uint64_t>(entry, "bytes"),
                      .checksum = hex_in(entry, "checksum")};
     if (!is_plain_name(file.name)) return bad("has a file of the name '" + file.name.substr(0, 80) + "'");
     if (file.bytes > kMostFileBytes) return bad(fmt::format("has a file of {} bytes", file.bytes));
@@ -112,16 +110,18 @@ dds::JoinAnswer JoinEndpoint::answer(const dds::JoinQuestion& question) const {
   };
   const json asked = json::parse(question.text, nullptr, /*allow_exceptions=*/false);
   if (!asked.is_object()) return refuse("the question is no JSON object");
-  if (number_in(asked, "protocol") != kJoinProtocol || number_in(asked, "link") != dds::kLinkVersion)
+  if (member<uint64_t>(asked, "protocol") != kJoinProtocol ||
+      member<uint64_t>(asked, "link") != dds::kLinkVersion)
     return refuse(fmt::format(
         "this host speaks join protocol {} and link version {}, the one that joins {} and {}; install the "
         "same version on both",
-        kJoinProtocol, dds::kLinkVersion, number_in(asked, "protocol"), number_in(asked, "link")));
-  const std::string what = text_in(asked, "ask"), name = text_in(asked, "name");
+        kJoinProtocol, dds::kLinkVersion, member<uint64_t>(asked, "protocol"),
+        member<uint64_t>(asked, "link")));
+  const std::string what = member<std::string>(asked, "ask"), name = member<std::string>(asked, "name");
   std::optional<std::string> bytes;
   if (what == "ping") {
     answer.text = json{{"time_s", wall_s()}}.dump();
-    answer.payload.resize(std::min<uint64_t>(number_in(asked, "bytes"), dds::kChunkBytes));
+    answer.payload.resize(std::min<uint64_t>(member<uint64_t>(asked, "bytes"), dds::kChunkBytes));
     return answer;
   }
   if (what == "offer") {
@@ -135,25 +135,32 @@ dds::JoinAnswer JoinEndpoint::answer(const dds::JoinQuestion& question) const {
   } else {
     return refuse("the question is neither for an offer nor a file nor a ping");
   }
-  const uint64_t offset = std::min<uint64_t>(number_in(asked, "offset"), bytes->size());
+  const uint64_t offset = std::min<uint64_t>(member<uint64_t>(asked, "offset"), bytes->size());
   answer.text = json{{"bytes", bytes->size()}, {"offset", offset}}.dump();
   answer.payload = bytes->substr(offset, dds::kChunkBytes);
   return answer;
 }
 
+struct JoinClient::Said {
+  json text;
+  std::string payload;
+};
+
 Expected<double> JoinClient::ping(std::size_t bytes) {
-  COMRAD_TRY_ASSIGN(
-      const dds::JoinAnswer answer,
-      ask(json{{"protocol", kJoinProtocol}, {"link", dds::kLinkVersion}, {"ask", "ping"}, {"bytes", bytes}}
-              .dump()));
-  const json said = json::parse(answer.text, nullptr, /*allow_exceptions=*/false);
-  const auto time = said.find("time_s");
-  if (time == said.end() || !time->is_number() || answer.payload.size() != bytes)
+  COMRAD_TRY_ASSIGN(const Said said, ask("ping", "", bytes));
+  const auto time = said.text.find("time_s");
+  if (time == said.text.end() || !time->is_number() || said.payload.size() != bytes)
     return Error{ErrorCode::kBadFormat, "the answer to a ping has no time, or another length"};
   return time->get<double>();
 }
 
-Expected<dds::JoinAnswer> JoinClient::ask(const std::string& text) {
+/// `number` is how many bytes of padding are requested, or how many of a file are there already.
+Expected<JoinClient::Said> JoinClient::ask(const std::string& what, const std::string& name,
+                                           uint64_t number) {
+  json question = {{"protocol", kJoinProtocol}, {"link", dds::kLinkVersion}, {"ask", what}};
+  question[what == "ping" ? "bytes" : "offset"] = number;
+  if (what != "ping") question["name"] = name;
+  const std::string text = question.dump();
   const uint32_t question_id = ++questions_;
   std::optional<dds::JoinAnswer> answer;
   const auto hear = [&] {
@@ -173,28 +180,23 @@ Expected<dds::JoinAnswer> JoinClient::ask(const std::string& text) {
   }
   if (!answer)
     return Error{ErrorCode::kTimeout, fmt::format("no answer within {} s", static_cast<int>(timeout_s_))};
-  const json said = json::parse(answer->text, nullptr, /*allow_exceptions=*/false);
-  if (!said.is_object()) return Error{ErrorCode::kBadFormat, "the answer is no JSON object"};
-  if (said.contains("error")) return Error{ErrorCode::kBadInput, text_in(said, "error")};
-  return *std::move(answer);
+  Said said{json::parse(answer->text, nullptr, /*allow_exceptions=*/false), std::move(answer->payload)};
+  if (!said.text.is_object()) return Error{ErrorCode::kBadFormat, "the answer is no JSON object"};
+  if (said.text.contains("error"))
+    return Error{ErrorCode::kBadInput, member<std::string>(said.text, "error")};
+  return said;
 }
 
 Expected<std::string> JoinClient::fetch(const std::string& what, const std::string& name,
                                         uint64_t most_bytes) {
   std::string bytes;
   for (;;) {
-    COMRAD_TRY_ASSIGN(const dds::JoinAnswer answer, ask(json{{"protocol", kJoinProtocol},
-                                                             {"link", dds::kLinkVersion},
-                                                             {"ask", what},
-                                                             {"name", name},
-                                                             {"offset", bytes.size()}}
-                                                            .dump()));
-    const json said = json::parse(answer.text, nullptr, /*allow_exceptions=*/false);
-    const uint64_t size = number_in(said, "bytes");
-    if (size > most_bytes || number_in(said, "offset") != bytes.size() ||
-        bytes.size() + answer.payload.size() > size || (answer.payload.empty() && bytes.size() < size))
+    COMRAD_TRY_ASSIGN(const Said said, ask(what, name, bytes.size()));
+    const auto size = member<uint64_t>(said.text, "bytes");
+    if (size > most_bytes || member<uint64_t>(said.text, "offset") != bytes.size() ||
+        bytes.size() + said.payload.size() > size || (said.payload.empty() && bytes.size() < size))
       return Error{ErrorCode::kBadFormat, "the answer does not continue " + (name.empty() ? what : name)};
-    bytes += answer.payload;
+    bytes += said.payload;
     if (bytes.size() == size) return bytes;
   }
 }

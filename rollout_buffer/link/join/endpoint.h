@@ -69,7 +69,8 @@ class JoinClient {
 
  private:
   Expected<std::string> fetch(const std::string& what, const std::string& name, uint64_t most_bytes);
-  Expected<dds::JoinAnswer> ask(const std::string& text);
+  struct Said;
+  Expected<Said> ask(const std::string& what, const std::string& name, uint64_t number);
 
   dds::LinkBus& bus_;
   const uint64_t peer_id_;

@@ -1,31 +1,26 @@
-// Members of a JSON object that another host or an earlier run wrote: an empty value where one is missing or of another kind.
+// Members of a JSON object that another host or an earlier run wrote. Stage: beside the flow.
 #pragma once
 
-#include <cstdint>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <type_traits>
 
 namespace comrad::link {
 
-inline std::string text_in(const nlohmann::json& object, const char* key) {
+/// Text, a flag, a whole number that is not negative or a real one; an empty value where the member is missing or of
+/// another kind.
+template <typename T>
+T member(const nlohmann::json& object, const char* key) {
   const auto found = object.find(key);
-  return found != object.end() && found->is_string() ? found->get<std::string>() : "";
-}
-inline uint64_t number_in(const nlohmann::json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number_unsigned() ? found->get<uint64_t>() : 0;
-}
-inline uint64_t hex_in(const nlohmann::json& object, const char* key) {
-  return std::strtoull(text_in(object, key).c_str(), nullptr, 16);
-}
-inline bool flag_in(const nlohmann::json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_boolean() && found->get<bool>();
-}
-inline double real_in(const nlohmann::json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? found->get<double>() : 0;
+  if (found == object.end()) return T();
+  bool is_of_kind = found->is_number();
+  if constexpr (std::is_same_v<T, std::string>)
+    is_of_kind = found->is_string();
+  else if constexpr (std::is_same_v<T, bool>)
+    is_of_kind = found->is_boolean();
+  else if constexpr (std::is_integral_v<T>)
+    is_of_kind = found->is_number_unsigned();
+  return is_of_kind ? found->get<T>() : T();
 }
 
 }  // namespace comrad::link

@@ -1,7 +1,6 @@
 #include "rollout_buffer/link/join/link_address.h"
 
 #include <arpa/inet.h>
-#include <fcntl.h>
 #include <ifaddrs.h>
 #include <net/if.h>
 #include <spdlog/fmt/fmt.h>
@@ -13,31 +12,29 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cinttypes>
-#include <cstdio>
 #include <cstring>
 #include <functional>
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/dds/link_bus.h"
+#include "rollout_buffer/dds/keys.h"
 
 namespace comrad::link {
 namespace {
 
 constexpr std::size_t kIdDigits = 16;
 
-std::string digits_of(uint64_t id) {
-  char digits[kIdDigits + 1];
-  std::snprintf(digits, sizeof digits, "%016" PRIx64, id);
-  return digits;
-}
-
 template <typename Number>
 bool read_whole(std::string_view text, Number& number, int base) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, base);
   return !text.empty() && error == std::errc() && end == text.data() + text.size();
+}
+
+/// A line that its owner alone may read, in the place of an older file.
+Status write_secret(const std::string& path, const std::string& line) {
+  unlink(path.c_str());
+  return dds::write_private_file(path, line + "\n");
 }
 
 bool read_id(std::string_view text, uint64_t& id) {
@@ -77,17 +74,7 @@ Expected<LinkAddress> parse_address(const std::string& text) {
 std::string text_of(const LinkAddress& address) {
   const std::string port =
       address.port_base == LinkAddress().port_base ? "" : fmt::format(":{}", address.port_base);
-  return address.host + port + "/" + digits_of(address.link_id);
-}
-
-/// A file that its owner alone may read, in the place of an older one.
-Status write_secret(const std::string& path, const std::string& text) {
-  unlink(path.c_str());
-  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (descriptor < 0) return system_error(path);
-  Status written = write_all(descriptor, text + "\n", path);
-  close(descriptor);
-  return written;
+  return fmt::format("{}{}/{:016x}", address.host, port, address.link_id);
 }
 
 Status keep_address(const std::string& run_dir, const LinkAddress& address) {
@@ -123,7 +110,7 @@ Expected<uint64_t> keep_link_id(const std::string& run_dir) {
     return Error{ErrorCode::kBadFormat, path + ": is no link's id of 16 hexadecimal digits; remove it"};
   }
   if (getrandom(&id, sizeof id, 0) != sizeof id) return system_error("getrandom");
-  COMRAD_TRY(write_secret(path, digits_of(id)));
+  COMRAD_TRY(write_secret(path, fmt::format("{:016x}", id)));
   return id;
 }
 
@@ -177,17 +164,6 @@ std::string kept_keys(const std::string& run_dir) {
   return std::string(trimmed(read_file(run_dir + "/" + kKeysFile).value_or("")));
 }
 
-LinkOptions link_options(const HostSettings& settings, const std::string& automatic_interface,
-                         const std::string& key_folder) {
-  return {.interface_name = settings.interface == "auto" ? automatic_interface : settings.interface,
-          .port_base = static_cast<uint32_t>(settings.port_base),
-          .key_folder = key_folder,
-          .insecure_network = settings.insecure_network,
-          .peers = parts_of(settings.peers, ','),
-          .receive_buffer_mb = static_cast<uint32_t>(settings.link_buffer_mb),
-          .datagram_bytes = static_cast<uint32_t>(settings.link_datagram_bytes)};
-}
-
 /// Bytes of a UDP datagram that an interface carries in one piece; loopback's limit is UDP's.
 uint32_t largest_whole_datagram(const std::string& interface_name) {
   constexpr uint32_t kIpAndUdpHeaders = 28, kSmallest = 1280 - kIpAndUdpHeaders, kLargest = 65500;
@@ -202,24 +178,31 @@ uint32_t largest_whole_datagram(const std::string& interface_name) {
   return std::clamp(mtu - std::min(mtu, kIpAndUdpHeaders), kSmallest, kLargest);
 }
 
-dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options) {
+dds::BusConfig config_on(const std::string& automatic_interface, uint64_t link_id,
+                         const HostSettings& settings, const std::string& key_folder) {
   dds::BusConfig config = dds::link_config(link_id);
-  config.interface_name = options.interface_name;
-  config.port_base = options.port_base;
-  config.allows_insecure_network = options.insecure_network;
-  config.key_folder = options.key_folder;
-  config.needs_keys_of_run = true;
-  config.peers = options.peers;
-  config.receive_buffer_mb = options.receive_buffer_mb;
-  config.datagram_bytes =
-      options.datagram_bytes > 0 ? options.datagram_bytes : largest_whole_datagram(options.interface_name);
+  config.interface_name = settings.interface == "auto" ? automatic_interface : settings.interface;
+  config.port_base = static_cast<uint32_t>(settings.port_base);
+  config.allows_insecure_network = settings.insecure_network;
+  config.key_folder = key_folder;
+  config.peers = parts_of(settings.peers, ',');
+  config.receive_buffer_mb = static_cast<uint32_t>(settings.link_buffer_mb);
+  config.datagram_bytes = settings.link_datagram_bytes > 0
+                              ? static_cast<uint32_t>(settings.link_datagram_bytes)
+                              : largest_whole_datagram(config.interface_name);
   return config;
 }
 
-dds::BusConfig joining_config(const LinkAddress& address, const LinkOptions& options) {
-  dds::BusConfig config = serving_config(address.link_id, options);
+dds::BusConfig serving_config(uint64_t link_id, const HostSettings& settings, const std::string& key_folder) {
+  dds::BusConfig config = config_on(kLoopback, link_id, settings, key_folder);
+  config.needs_keys_of_run = true;
+  return config;
+}
+
+dds::BusConfig joining_config(const LinkAddress& address, const HostSettings& settings,
+                              const std::string& automatic_interface, const std::string& key_folder) {
+  dds::BusConfig config = config_on(automatic_interface, address.link_id, settings, key_folder);
   config.port_base = address.port_base;
-  config.needs_keys_of_run = false;
   config.peers.insert(config.peers.begin(), address.host);
   return config;
 }

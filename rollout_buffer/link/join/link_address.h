@@ -49,25 +49,16 @@ Expected<std::string> interface_towards(const std::string& host);
 /// The first IPv4 address of an interface. Errors: kNotFound.
 Expected<std::string> address_of_interface(const std::string& interface_name);
 
-/// The configurations of both ends. That of the serving one names no peer: it answers each question's sender.
-struct LinkOptions {
-  std::string interface_name = kLoopback;
-  uint32_t port_base = 7400;
-  std::string key_folder = {};  ///< this host's keys, for a network; see dds/keys.h
-  bool insecure_network = false;
-  std::vector<std::string> peers = {};  ///< more IPv4 addresses at which the other end is looked for
-  uint32_t receive_buffer_mb = 10;
-  uint32_t datagram_bytes = 0;  ///< 0: what the interface carries in one piece
-};
 /// Remembers for the run's processes which folder of keys this host has; empty: as before. Errors: kNoSpace, kSystem.
 Status keep_keys(const std::string& run_dir, const std::string& key_folder);
 /// Empty where there are none.
 std::string kept_keys(const std::string& run_dir);
 
-/// As the settings have them; where they say "auto" the interface is `automatic_interface`.
-LinkOptions link_options(const HostSettings& settings, const std::string& automatic_interface,
-                         const std::string& key_folder = "");
-dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options);
-dds::BusConfig joining_config(const LinkAddress& address, const LinkOptions& options);
+/// The configurations of both ends; `key_folder` is this host's keys, empty where it has none. That of the serving one is
+/// on loopback where the settings name no interface, and names no peer: it answers each question's sender.
+dds::BusConfig serving_config(uint64_t link_id, const HostSettings& settings,
+                              const std::string& key_folder = "");
+dds::BusConfig joining_config(const LinkAddress& address, const HostSettings& settings,
+                              const std::string& automatic_interface, const std::string& key_folder = "");
 
 }  // namespace comrad::link

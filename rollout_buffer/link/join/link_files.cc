@@ -14,8 +14,66 @@ namespace {
 
 using nlohmann::json;
 
-std::string json_text(const json& object) {
-  return object.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
+// Each member of a file once, for writing and for reading.
+
+template <typename Use>
+void visit_members(PeerRecord& record, Use use) {
+  use("id", record.peer_id);
+  use("host", record.host);
+  use("is_here", record.is_here);
+  use("workers", record.workers);
+  use("credits", record.credits);
+  use("decisions_played", record.played_there);
+  use("decisions_delivered", record.decisions);
+  use("decisions_lost", record.lost_there);
+  use("trajectories", record.slabs);
+  use("duplicates", record.duplicates);
+  use("refused", record.refused);
+  use("missing", record.missing);
+}
+
+template <typename Use>
+void visit_members(Feed& feed, Use use) {
+  use("is_fed", feed.is_fed);
+  use("has_ended", feed.has_ended);
+  use("silent_s", feed.silent_s);
+  use("decisions_played", feed.account.played);
+  use("decisions_delivered", feed.account.delivered);
+  use("decisions_waiting", feed.account.waiting);
+  use("decisions_unfinished", feed.account.unfinished);
+  use("decisions_lost", feed.account.lost);
+  use("resent", feed.account.resent);
+}
+
+template <typename Use>
+void visit_members(FrameAccount& account, Use use) {
+  use("decisions", account.decisions);
+  use("bytes", account.raw_bytes);
+  use("bytes_sent", account.sent_bytes);
+  use("duplicates", account.duplicates);
+  use("is_compressed", account.is_compressed);
+  use("latency_us_p50", account.latency_us_p50);
+  use("latency_us_p90", account.latency_us_p90);
+  use("latency_us_p99", account.latency_us_p99);
+}
+
+template <typename Record>
+json json_of(Record record) {
+  json object;
+  visit_members(record, [&](const char* key, const auto& value) { object[key] = value; });
+  return object;
+}
+
+template <typename Record>
+Record record_in(const json& object) {
+  Record record;
+  visit_members(record, [&]<typename T>(const char* key, T& value) { value = member<T>(object, key); });
+  return record;
+}
+
+Status write_json(const std::string& path, const json& object) {
+  return write_file_atomically(path, object.dump(2, ' ', false, json::error_handler_t::replace) + "\n",
+                               /*durable=*/false);
 }
 
 json read_json(const std::string& path) {
@@ -23,63 +81,21 @@ json read_json(const std::string& path) {
   return text ? json::parse(*text, nullptr, /*allow_exceptions=*/false) : json();
 }
 
-std::optional<FrameAccount> frames_in(const json& feed) {
-  const auto frames = feed.find("frames");
-  if (frames == feed.end() || !frames->is_object()) return std::nullopt;
-  FrameAccount account;
-  account.decisions = number_in(*frames, "decisions");
-  account.raw_bytes = number_in(*frames, "bytes");
-  account.sent_bytes = number_in(*frames, "bytes_sent");
-  account.duplicates = number_in(*frames, "duplicates");
-  account.is_compressed = flag_in(*frames, "is_compressed");
-  account.latency_us_p50 = real_in(*frames, "latency_us_p50");
-  account.latency_us_p90 = real_in(*frames, "latency_us_p90");
-  account.latency_us_p99 = real_in(*frames, "latency_us_p99");
-  return account;
-}
-
 }  // namespace
 
 Status write_peers(const std::string& run_dir, const ServingFiles& files,
                    const std::vector<PeerRecord>& records) {
   json guests = json::array();
-  for (const PeerRecord& record : records)
-    guests.push_back({{"id", record.peer_id},
-                      {"host", record.host},
-                      {"is_here", record.is_here},
-                      {"workers", record.workers},
-                      {"credits", record.credits},
-                      {"decisions_played", record.played_there},
-                      {"decisions_delivered", record.decisions},
-                      {"decisions_lost", record.lost_there},
-                      {"trajectories", record.slabs},
-                      {"duplicates", record.duplicates},
-                      {"refused", record.refused},
-                      {"missing", record.missing}});
-  return write_file_atomically(run_dir + "/" + files.guests, json_text(json{{"guests", guests}}), false);
+  for (const PeerRecord& record : records) guests.push_back(json_of(record));
+  return write_json(run_dir + "/" + files.guests, {{"guests", guests}});
 }
 
 std::vector<PeerRecord> read_peers(const std::string& run_dir, const ServingFiles& files) {
   std::vector<PeerRecord> records;
   const json read = read_json(run_dir + "/" + files.guests);
   if (!read.is_object() || !read.contains("guests") || !read["guests"].is_array()) return records;
-  for (const json& guest : read["guests"]) {
-    if (!guest.is_object()) continue;
-    PeerRecord record;
-    record.host = text_in(guest, "host");
-    record.peer_id = number_in(guest, "id");
-    record.is_here = flag_in(guest, "is_here");
-    record.workers = static_cast<int>(number_in(guest, "workers"));
-    record.credits = number_in(guest, "credits");
-    record.played_there = number_in(guest, "decisions_played");
-    record.decisions = number_in(guest, "decisions_delivered");
-    record.lost_there = number_in(guest, "decisions_lost");
-    record.slabs = number_in(guest, "trajectories");
-    record.duplicates = number_in(guest, "duplicates");
-    record.refused = number_in(guest, "refused");
-    record.missing = number_in(guest, "missing");
-    records.push_back(std::move(record));
-  }
+  for (const json& guest : read["guests"])
+    if (guest.is_object()) records.push_back(record_in<PeerRecord>(guest));
   return records;
 }
 
@@ -90,41 +106,18 @@ std::vector<PeerRecord> all_peers(const std::string& run_dir) {
 }
 
 Status write_feed(const std::string& run_dir, const Feed& feed) {
-  const SenderAccount& account = feed.account;
-  json written = {{"is_fed", feed.is_fed},
-                  {"has_ended", feed.has_ended},
-                  {"silent_s", feed.silent_s},
-                  {"decisions_played", account.played},
-                  {"decisions_delivered", account.delivered},
-                  {"decisions_waiting", account.waiting},
-                  {"decisions_unfinished", account.unfinished},
-                  {"decisions_lost", account.lost},
-                  {"resent", account.resent}};
-  if (feed.frames)
-    written["frames"] = {{"latency_us_p50", feed.frames->latency_us_p50},
-                         {"latency_us_p90", feed.frames->latency_us_p90},
-                         {"latency_us_p99", feed.frames->latency_us_p99},
-                         {"decisions", feed.frames->decisions},
-                         {"bytes", feed.frames->raw_bytes},
-                         {"bytes_sent", feed.frames->sent_bytes},
-                         {"duplicates", feed.frames->duplicates},
-                         {"is_compressed", feed.frames->is_compressed}};
-  return write_file_atomically(run_dir + "/" + kFeedFile, json_text(written), false);
+  json written = json_of(feed);
+  if (feed.frames) written["frames"] = json_of(*feed.frames);
+  return write_json(run_dir + "/" + kFeedFile, written);
 }
 
 std::optional<Feed> read_feed(const std::string& run_dir) {
   const json read = read_json(run_dir + "/" + kFeedFile);
   if (!read.is_object()) return std::nullopt;
-  return Feed{.account = {.played = number_in(read, "decisions_played"),
-                          .delivered = number_in(read, "decisions_delivered"),
-                          .waiting = number_in(read, "decisions_waiting"),
-                          .unfinished = number_in(read, "decisions_unfinished"),
-                          .lost = number_in(read, "decisions_lost"),
-                          .resent = number_in(read, "resent")},
-              .is_fed = flag_in(read, "is_fed"),
-              .has_ended = flag_in(read, "has_ended"),
-              .silent_s = real_in(read, "silent_s"),
-              .frames = frames_in(read)};
+  Feed feed = record_in<Feed>(read);
+  if (const auto frames = read.find("frames"); frames != read.end() && frames->is_object())
+    feed.frames = record_in<FrameAccount>(*frames);
+  return feed;
 }
 
 Status ask_to_leave(const std::string& run_dir, const std::string& host) {

@@ -36,7 +36,6 @@ struct SenderAccount {
 /// What became of the requests of a host's simulators.
 struct FrameAccount {
   uint64_t decisions = 0;  ///< answered, all agents counted
-  uint64_t batches = 0;
   uint64_t raw_bytes = 0, sent_bytes = 0;
   uint64_t resent = 0;      ///< requests
   uint64_t duplicates = 0;  ///< answers to what was answered, or never asked

@@ -12,7 +12,7 @@ namespace comrad::link {
 
 /// A whole trajectory of another host, as its simulator has sealed it there.
 struct RemoteRollout {
-  uint64_t rollout_index = 0;  ///< in this arena: RemoteWorkers::rollout_of()
+  uint64_t rollout_index = 0;  ///< in this arena where it is sealed: RemoteWorkers::rollout_of()
   uint32_t length = 0;
   uint64_t layout_id = 0;
   EpisodeStamp first_episode;

@@ -89,16 +89,18 @@ void SendingEnd::adopt() {
     spdlog::warn("{} trajectories of this worker's predecessor are sent again", slabs.size());
 }
 
-PeerSession::Heard SendingEnd::hear(const dds::PeerState& state) {
+bool SendingEnd::hear(const dds::PeerState& state) {
   const PeerSession::Heard heard = session_.hear(state, clock_.now_s());
-  if (heard == PeerSession::Heard::kNothing) return heard;
+  if (heard == PeerSession::Heard::kNothing) return false;
   if (session_.is_asked_to_leave()) arena_.control().leave_requested = 1;  // the supervisor stops simulators
-  if (heard == PeerSession::Heard::kBackFromSilence) in_hand_.resend_all();
-  if (heard == PeerSession::Heard::kNewSession)
+  if (heard == PeerSession::Heard::kNewSession) {
     in_hand_.restart();
-  else
-    arena_.control().schedule_env_frames = state.schedule_env_frames;
-  return heard;
+    renew();
+    return false;
+  }
+  if (heard == PeerSession::Heard::kBackFromSilence) in_hand_.resend_all();
+  arena_.control().schedule_env_frames = state.schedule_env_frames;
+  return true;
 }
 
 Status SendingEnd::keep_up() {

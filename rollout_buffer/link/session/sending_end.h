@@ -42,7 +42,7 @@ class SendingEnd {
   /// Called in run(), and at its end.
   void every_second(std::function<void()> report) { every_second_ = std::move(report); }
 
-  virtual SenderAccount account() const;
+  SenderAccount account() const;
   virtual std::optional<FrameAccount> frames() const { return std::nullopt; }
   /// The other end has places for this host.
   bool is_open() const { return session_.is_open(); }
@@ -65,8 +65,10 @@ class SendingEnd {
   /// Sends what is in hand, once no more is played.
   virtual void deliver() = 0;
   virtual Status say_hello(bool is_leaving) = 0;
-  /// Applies a state; `kNewSession` restarts the outbox.
-  PeerSession::Heard hear(const dds::PeerState& state);
+  /// Applies a state; a new session restarts the outbox. Whether the state is of the session and for this epoch.
+  bool hear(const dds::PeerState& state);
+  /// The other end has a new session.
+  virtual void renew() = 0;
   /// Gives back, in order, what is done.
   void give_back_done();
   uint64_t decisions_of(uint32_t slab) const;

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/trajectories/narrow_weights.h"
 #include "rollout_buffer/shm/slab_pool.h"
 #include "rollout_buffer/shm/weight_buffers.h"
 
@@ -23,10 +22,8 @@ TrajectoryReceiver::TrajectoryReceiver(const shm::Arena& arena, dds::LinkBus bus
                   .flag = "--serve_workers",
                   .most_peers = options.most_peers},
                  clock),
-      window_(options.window),
+      own_(options),
       endpoint_(options.offer),
-      bf16_parameters_(options.bf16_parameters),
-      weights_wait_s_(options.weights_wait_s),
       weights_pace_(options.weights) {}
 
 bool TrajectoryReceiver::take_all() {
@@ -117,16 +114,16 @@ void TrajectoryReceiver::send_weights_if_due() {
   const double now_s = clock_.now_s();
   if (!weights_pace_.is_due(now_s, here)) return;
   // On a bad line a newer version in the place of one that is half there would never let any arrive.
-  if (weights_pace_.since_sent_s(now_s) < weights_wait_s_ && !bus_.has_sent_weights()) return;
+  if (weights_pace_.since_sent_s(now_s) < own_.weights_wait_s && !bus_.has_sent_weights()) return;
   weights_pace_.sent(now_s, weights_.size(), here, 0);  // what fails below is not tried at once again
   const Stopwatch watch;                                // Cyclone writes in this thread
   const auto send = [&]() -> Status {
     COMRAD_TRY_ASSIGN(weights_version_, arena_.weights().read(weights_));
-    if (bf16_parameters_ > 0) {
+    if (own_.bf16_parameters > 0) {
       std::swap(weights_, as_in_arena_);
-      COMRAD_TRY(narrow_weights(as_in_arena_, bf16_parameters_, weights_));
+      COMRAD_TRY(narrow_weights(as_in_arena_, own_.bf16_parameters, weights_));
     }
-    return send_weights(bus_, weights_, weights_version_, bf16_parameters_);
+    return send_weights(bus_, weights_, weights_version_, own_.bf16_parameters);
   };
   const Status sent = send();
   weights_pace_.sent(now_s, weights_.size(), here, watch.cpu_elapsed());

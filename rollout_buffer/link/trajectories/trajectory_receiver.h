@@ -48,16 +48,14 @@ class TrajectoryReceiver final : public ServingEnd {
   void opened(Peer& peer) override { renewed(peer); }
   void renewed(Peer& peer) override { static_cast<SlabPeer&>(peer).is_assembling = false; }
   void gave_back(Peer& peer) override { renewed(peer); }
-  std::size_t wanted_slabs(const Peer&) const override { return static_cast<std::size_t>(window_); }
+  std::size_t wanted_slabs(const Peer&) const override { return static_cast<std::size_t>(own_.window); }
 
   void take(const dds::TrajectoryFragment& fragment);
   void seal(SlabPeer& peer, const dds::TrajectoryFragment& fragment);
   void send_weights_if_due();
 
-  const int window_;
+  const TrajectoryReceiverOptions own_;
   const JoinEndpoint endpoint_;
-  const uint64_t bf16_parameters_;
-  const double weights_wait_s_;
   std::vector<std::byte> weights_, as_in_arena_;
   PolicyVersion weights_version_ = 0;
   bool are_weights_sent_ = false;

@@ -38,14 +38,7 @@ void TrajectorySender::deliver() {
 
 void TrajectorySender::hear_all() {
   bus_.take<dds::PeerState>([this](const dds::PeerState& state) {
-    switch (hear(state)) {
-      case PeerSession::Heard::kNothing:
-        return;
-      case PeerSession::Heard::kNewSession:
-        return renew();
-      default:
-        break;
-    }
+    if (!hear(state)) return;
     // None of it is done that was not sent in this life.
     for (uint64_t index = in_hand_.first_index();
          index < std::min(state.done_index, in_hand_.end_index()) && in_hand_.at(index).was_sent; ++index)

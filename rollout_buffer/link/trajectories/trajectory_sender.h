@@ -23,8 +23,8 @@ class TrajectorySender final : public SendingEnd {
  private:
   void deliver() override;
   Status say_hello(bool is_leaving) override;
+  void renew() override;
   void hear_all();
-  void renew();
   void drain();
   bool send();
 

@@ -45,10 +45,9 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config, double patie
     options.layout_count = static_cast<int>(list.layouts.size());
   }
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
-  COMRAD_TRY_ASSIGN(
-      dds::LinkBus bus,
-      dds::LinkBus::open(link::joining_config(
-          address, link::link_options(config.hosts, interface, link::kept_keys(shell.run_dir())))));
+  COMRAD_TRY_ASSIGN(dds::LinkBus bus,
+                    dds::LinkBus::open(link::joining_config(address, config.hosts, interface,
+                                                            link::kept_keys(shell.run_dir()))));
   options.peer_id = RngKey(arena.run_id()).split("peer").bits();
   if (sends_frames) {
     link::FrameSender sender(arena, std::move(bus), options);

@@ -3,11 +3,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstring>
 #include <string>
 
+#include "rollout_buffer/core/bfloat16.h"
 #include "rollout_buffer/core/checksum.h"
-#include "rollout_buffer/link/trajectories/narrow_weights.h"
 
 namespace comrad::link {
 namespace {
@@ -16,7 +18,53 @@ uint64_t chunks_of(uint64_t bytes) {
   return std::max<uint64_t>(1, (bytes + dds::kChunkBytes - 1) / dds::kChunkBytes);
 }
 
+uint16_t bf16_of(float value) {
+  if (std::isnan(value))  // of which rounding could make an infinity
+    return static_cast<uint16_t>(std::bit_cast<uint32_t>(value) >> 16 | 0x40);
+  return rounded(value);
+}
+
+/// `count` numbers From at `in` become numbers To at `out`; neither need be aligned.
+template <typename From, typename To, typename Convert>
+void convert(const std::byte* in, std::byte* out, std::size_t count, const Convert& made_of) {
+  for (std::size_t i = 0; i < count; ++i) {
+    From from;
+    std::memcpy(&from, in + i * sizeof from, sizeof from);
+    const To to = made_of(from);
+    std::memcpy(out + i * sizeof to, &to, sizeof to);
+  }
+}
+
+/// Parameters, and the statistics behind them, as numbers of other types. Errors: kBadFormat.
+template <typename FromParameter, typename ToParameter, typename FromStatistic, typename ToStatistic,
+          typename Convert>
+Status convert_weights(std::span<const std::byte> in, uint64_t parameter_count, const Convert& made_of,
+                       std::vector<std::byte>& out) {
+  if (parameter_count > in.size() / sizeof(FromParameter) ||
+      (in.size() - parameter_count * sizeof(FromParameter)) % sizeof(FromStatistic) != 0)
+    return Error{ErrorCode::kBadFormat,
+                 fmt::format("{} bytes are no weights with {} parameters", in.size(), parameter_count)};
+  const std::size_t from = parameter_count * sizeof(FromParameter),
+                    to = parameter_count * sizeof(ToParameter),
+                    statistics = (in.size() - from) / sizeof(FromStatistic);
+  out.resize(to + statistics * sizeof(ToStatistic));
+  convert<FromParameter, ToParameter>(in.data(), out.data(), parameter_count, made_of);
+  convert<FromStatistic, ToStatistic>(in.data() + from, out.data() + to, statistics,
+                                      [](FromStatistic value) { return static_cast<ToStatistic>(value); });
+  return {};
+}
+
 }  // namespace
+
+Status narrow_weights(std::span<const std::byte> weights, uint64_t parameter_count,
+                      std::vector<std::byte>& narrow) {
+  return convert_weights<float, uint16_t, double, float>(weights, parameter_count, bf16_of, narrow);
+}
+
+Status widen_weights(std::span<const std::byte> narrow, uint64_t parameter_count,
+                     std::vector<std::byte>& weights) {
+  return convert_weights<uint16_t, float, float, double>(narrow, parameter_count, widened, weights);
+}
 
 dds::WeightsChunk weights_chunk(std::span<const std::byte> weights, PolicyVersion version, uint64_t checksum,
                                 uint32_t chunk_index, uint64_t bf16_count) {

@@ -1,5 +1,5 @@
-// The policy's weights on their way to hosts that feed the learner: chunks of at most 1 MB, put together and checked.
-// Stages: publish, refresh.
+// The policy's weights on their way to hosts that play for the learner: in half of the bytes with --serve_bf16_weights, in chunks
+// of at most 1 MB, put together and checked. Stages: publish, refresh.
 #pragma once
 
 #include <array>
@@ -13,6 +13,17 @@
 #include "rollout_buffer/schema/version.h"
 
 namespace comrad::link {
+
+/// `weights` are `parameter_count` f32 parameters and then input statistics, f64, as the learner publishes them; `narrow`
+/// becomes half as long: bfloat16, rounded to the nearest and to even at a tie, and then f32. Statistics are not made
+/// bfloat16: a mean with three digits would move every input.
+/// Errors: kBadFormat where `weights` cannot be these.
+Status narrow_weights(std::span<const std::byte> weights, uint64_t parameter_count,
+                      std::vector<std::byte>& narrow);
+
+/// The way back: `weights` as the arena has them, with what rounding left. Errors: kBadFormat.
+Status widen_weights(std::span<const std::byte> narrow, uint64_t parameter_count,
+                     std::vector<std::byte>& weights);
 
 /// Sends all chunks of one version. `bf16_count`: `weights` come from narrow_weights(), with so many parameters; 0: as they
 /// lie in an arena. Errors: those of LinkBus::write; the version is to be sent again then.

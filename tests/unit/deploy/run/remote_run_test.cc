@@ -22,13 +22,13 @@ using ::testing::Not;
 /// Another process that publishes on loopback under a separate id, whatever `report` writes again and again.
 class Publishing {
  public:
-  explicit Publishing(const std::function<void(dds::MonitorBus&)>& report,
-                      uint32_t version = dds::kBusVersion) {
+  explicit Publishing(const std::function<void(dds::LinkBus&)>& report,
+                      uint32_t version = dds::kLinkVersion) {
     std::random_device device;
     address_.link_id = (uint64_t{device()} << 32) | device();
     pid_ = fork();
     if (pid_ != 0) return;
-    auto bus = dds::MonitorBus::open(link::serving_config(address_.link_id, {}), version);
+    auto bus = dds::LinkBus::open(link::serving_config(address_.link_id, HostSettings()), version);
     while (bus) {
       report(*bus);
       usleep(50'000);
@@ -50,23 +50,23 @@ class Publishing {
   pid_t pid_ = -1;
 };
 
-void report_of_a_run(dds::MonitorBus& bus) {
+void report_of_a_run(dds::LinkBus& bus) {
   dds::RunStats stats{.run = "lava", .elapsed_s = 65, .env_frames_goal = 1e8, .frame_skip = 4};
   stats.stats = {.env_frames = 1'500'000, .decisions_per_s = 878, .score_mean = 12.5, .episodes = 3};
   (void)bus.write(stats);
-  (void)bus.write(dds::EpisodeResult{.scenario = "lava", .record = {.length_tics = 612, .score = 9.5f}});
+  (void)bus.write(dds::EpisodeResult{.record = {.length_tics = 612, .score = 9.5f}});
   for (const char* sim : {"sim-0", "sim-1"})
     (void)bus.write(dds::WorkerStatus{.worker_id = sim,
                                       .host = "box",
-                                      .pid = 1234,
                                       .role = "sim",
                                       .state = "running",
                                       .decisions_per_s = 440,
+                                      .pid = 1234,
                                       .restarts = 1});
   (void)bus.write(dds::WorkerStatus{
       .worker_id = "host far", .host = "far", .role = "host", .state = "running", .decisions_per_s = 100});
   (void)bus.write(dds::WorkerStatus{
-      .worker_id = "supervisor", .host = "box", .pid = 77, .role = "supervisor", .state = "running"});
+      .worker_id = "supervisor", .host = "box", .role = "supervisor", .state = "running", .pid = 77});
 }
 
 TEST(RemoteRun, IsShownAsARunOfThisHostIs) {
@@ -93,7 +93,7 @@ TEST(RemoteRun, IsShownAsARunOfThisHostIs) {
 }
 
 TEST(RemoteRun, WhatItReportsCannotDriveATerminalNorBreakJson) {
-  const Publishing publishing([](dds::MonitorBus& bus) {
+  const Publishing publishing([](dds::LinkBus& bus) {
     dds::RunStats stats{.run = "\x1b[2J\xff", .elapsed_s = std::numeric_limits<double>::infinity()};
     stats.stats = {.env_frames = UINT64_MAX,
                    .env_frames_per_s = std::numeric_limits<double>::quiet_NaN(),
@@ -116,7 +116,7 @@ TEST(RemoteRun, WhatItReportsCannotDriveATerminalNorBreakJson) {
 }
 
 TEST(RemoteRun, EndsWhenTheRunReportsItsEnd) {
-  const Publishing publishing([](dds::MonitorBus& bus) {
+  const Publishing publishing([](dds::LinkBus& bus) {
     (void)bus.write(dds::RunStats{.run = "lava"});
     (void)bus.write(dds::WorkerStatus{.worker_id = "supervisor", .state = "finished"});
   });
@@ -136,11 +136,11 @@ TEST(RemoteRun, ARunThatFallsSilentIsShownSo) {
 }
 
 TEST(RemoteRun, AnotherVersionIsNamed) {
-  const Publishing publishing(report_of_a_run, dds::kBusVersion + 1);
+  const Publishing publishing(report_of_a_run, dds::kLinkVersion + 1);
   const auto refused = RemoteRun::open(publishing.request(5));
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kBadInput);
-  EXPECT_THAT(refused.error().message, HasSubstr("version " + std::to_string(dds::kBusVersion + 1)));
+  EXPECT_THAT(refused.error().message, HasSubstr("version " + std::to_string(dds::kLinkVersion + 1)));
   EXPECT_THAT(refused.error().message, HasSubstr("same build"));
 }
 

@@ -171,7 +171,7 @@ TEST_F(Keys, AnyBytesInAnyFileAreRefusedInWords) {
 }
 
 TEST_F(Keys, OnlyTheRunsMayServe) {
-  BusConfig config = bus_config_for_run(1);
+  BusConfig config = link_config(1);
   config.key_folder = host_;
   EXPECT_EQ(refusal(validate(config)), "");
   config.needs_keys_of_run = true;

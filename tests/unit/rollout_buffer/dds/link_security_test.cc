@@ -171,6 +171,70 @@ TEST(LinkSecurity, AServerWithoutKeysDoesNotReachAHostThatHasSome) {
   EXPECT_EQ(test::NetworkPair::wait(server), 4);
 }
 
+/// A run with --publish while `goes_on`.
+int publish(const BusConfig& config, const std::function<bool()>& goes_on, const std::string& log) {
+  spdlog::set_default_logger(spdlog::basic_logger_st("publish", log));
+  spdlog::flush_on(spdlog::level::info);
+  auto bus = LinkBus::open(config);
+  if (!bus) return 2;
+  for (; goes_on(); bus->wait(50))
+    if (!bus->write(WorkerStatus{.worker_id = "supervisor"}) || !bus->write(RunStats{.run = "run"}) ||
+        !bus->write(EpisodeResult{}))
+      return 3;
+  return 0;
+}
+
+/// A monitor while `goes_on`. 0: it got all topics, which the file `served` reports meanwhile; 10: it got nothing at all.
+int watch(const BusConfig& config, const std::function<bool()>& goes_on, const std::string& served) {
+  spdlog::set_level(spdlog::level::off);
+  auto bus = LinkBus::open(config);
+  if (!bus) return 2;
+  int workers = 0, stats = 0, episodes = 0;
+  for (; goes_on(); bus->wait(20)) {
+    bus->take<WorkerStatus>([&](const WorkerStatus&) { ++workers; });
+    bus->take<RunStats>([&](const RunStats&) { ++stats; });
+    bus->take<EpisodeResult>([&](const EpisodeResult&) { ++episodes; });
+    if (workers > 0 && stats > 0 && episodes > 0) std::ofstream(served) << "all";
+  }
+  if (workers > 0 && stats > 0 && episodes > 0) return 0;
+  return workers + stats + episodes == 0 ? 10 : 11;
+}
+
+TEST(LinkSecurity, OnlyAMonitorWithKeysOfTheRunsAuthorityIsReportedTo) {
+  const test::ScratchFolder folder;
+  const std::string keys = folder.string() + "/keys", others = folder.string() + "/others",
+                    log = folder.string() + "/log", served = folder.string() + "/served",
+                    over = folder.string() + "/over";
+  ASSERT_TRUE(make_keys({.folder = keys, .hosts = {"m"}}));
+  ASSERT_TRUE(make_keys({.folder = others, .hosts = {"m"}}));
+  const uint64_t id = fresh_id();
+  const auto goes_on = [&] { return !std::filesystem::exists(over); };
+  const auto start = [](const std::function<int()>& work) {
+    const pid_t child = fork();
+    if (child == 0) _exit(work());
+    return child;
+  };
+  const auto config = [&](const std::string& key_folder) {
+    BusConfig of_end = link_config(id);
+    of_end.key_folder = key_folder;
+    return of_end;
+  };
+  const auto start_monitor = [&](const std::string& key_folder) {
+    return start([&] { return watch(config(key_folder), goes_on, served); });
+  };
+  const pid_t run = start([&] { return publish(config(keys + "/run"), goes_on, log); });
+  const pid_t without = start_monitor(""), with_others = start_monitor(others + "/hosts/m");
+  EXPECT_TRUE(test::wait_until([&] { return count_of(read_whole(log), "refused a participant") >= 2; }));
+  EXPECT_FALSE(std::filesystem::exists(served));
+  const pid_t monitor = start_monitor(keys + "/hosts/m");
+  EXPECT_TRUE(test::wait_until([&] { return std::filesystem::exists(served); }));
+  std::ofstream(over) << "now";
+  EXPECT_EQ(test::NetworkPair::wait(monitor), 0) << "a monitor with the right keys got nothing";
+  EXPECT_EQ(test::NetworkPair::wait(without), 10) << "a monitor without keys got something";
+  EXPECT_EQ(test::NetworkPair::wait(with_others), 10) << "a monitor with keys of another authority did";
+  EXPECT_EQ(test::NetworkPair::wait(run), 0);
+}
+
 TEST(LinkSecurity, AHostMayNotSpeakForTheRun) {
   const test::ScratchFolder folder;
   ASSERT_TRUE(make_keys({.folder = folder.string() + "/keys", .hosts = {"b"}}));
@@ -179,8 +243,9 @@ TEST(LinkSecurity, AHostMayNotSpeakForTheRun) {
   auto bus = LinkBus::open(config);
   ASSERT_TRUE(bus) << bus.error().message;
   EXPECT_TRUE(bus->write(SenderReport{.hello = {.peer_id = 1}}));
-  for (const Status& refused : {bus->write(WeightsChunk{.chunk_count = 1, .version = 9}),
-                                bus->write(PeerState{.peer_id = 1}), bus->write(JoinAnswer{.peer_id = 1})}) {
+  for (const Status& refused :
+       {bus->write(WeightsChunk{.chunk_count = 1, .version = 9}), bus->write(PeerState{.peer_id = 1}),
+        bus->write(JoinAnswer{.peer_id = 1}), bus->write(WorkerStatus{.worker_id = "supervisor"})}) {
     ASSERT_FALSE(refused);
     EXPECT_THAT(refused.error().message, HasSubstr("permissions.p7s"));
   }

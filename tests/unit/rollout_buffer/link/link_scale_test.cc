@@ -56,7 +56,7 @@ TEST(LinkScale, TwoHundredSimulatorsOfFourHostsHavePlacesSoonAndCostLittle) {
     if (pid == 0) {
       prctl(PR_SET_PDEATHSIG, SIGKILL);
       spdlog::set_level(spdlog::level::off);
-      auto bus = dds::LinkBus::open(joining_config({.link_id = link_id}, {}));
+      auto bus = dds::LinkBus::open(joining_config({.link_id = link_id}, {}, kLoopback));
       if (!bus) _exit(1);
       static std::atomic<bool> stop{false};
       TrajectorySender sender(players[static_cast<std::size_t>(host)], std::move(*bus),

@@ -78,10 +78,12 @@ class Link : public ::testing::Test {
   }
   dds::BusConfig config(int host) const {
     if (!network_)
-      return host == 0 ? serving_config(link_id_, {}) : joining_config({.link_id = link_id_}, {});
-    const LinkOptions options{.interface_name = network_->device(host), .insecure_network = true};
-    return host == 0 ? serving_config(link_id_, options)
-                     : joining_config({.host = network_->address(0), .link_id = link_id_}, options);
+      return host == 0 ? serving_config(link_id_, {}) : joining_config({.link_id = link_id_}, {}, kLoopback);
+    HostSettings settings;
+    settings.interface = network_->device(host);
+    settings.insecure_network = true;
+    return host == 0 ? serving_config(link_id_, settings)
+                     : joining_config({.host = network_->address(0), .link_id = link_id_}, settings, "");
   }
 
   void start_receiver(uint64_t bf16_parameters = 0) {

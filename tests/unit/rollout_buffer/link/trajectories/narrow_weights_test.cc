@@ -1,4 +1,5 @@
-#include "rollout_buffer/link/trajectories/narrow_weights.h"
+// Weights in half of the bytes, for the way to other hosts.
+#include "rollout_buffer/link/trajectories/weights_stream.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,6 @@
 
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/rng.h"
-#include "rollout_buffer/link/trajectories/narrow_weights.h"
 
 namespace comrad::link {
 namespace weights_stream_test {

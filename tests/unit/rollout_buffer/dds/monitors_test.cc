@@ -1,4 +1,4 @@
-#include "rollout_buffer/dds/monitor_bus.h"
+// What a run reports to monitors of other hosts, and how a participant of the link behaves in its process.
 
 #include <dirent.h>
 #include <gmock/gmock.h>
@@ -18,27 +18,30 @@
 #include <random>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/dds/link_bus.h"
 #include "tests/support/patience.h"
 
 namespace comrad::dds {
-namespace monitor_bus_test {
+namespace monitors_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+
+const std::string kPath = "/" + std::string(4000, 's');
 
 uint64_t fresh_id() {
   static std::random_device device;
   return (uint64_t{device()} << 32) | device();
 }
 
-MonitorBus open_bus(uint64_t id, uint32_t version = kBusVersion) {
-  auto bus = MonitorBus::open(bus_config_for_run(id), version);
+LinkBus open_bus(uint64_t id, uint32_t version = kLinkVersion) {
+  auto bus = LinkBus::open(link_config(id), version);
   EXPECT_TRUE(bus) << bus.error().message;
   return std::move(bus).value();
 }
 
 /// Waits on the bus until `done()`.
-bool eventually(MonitorBus& bus, const std::function<bool()>& done, double limit_s = test::kPatienceSeconds) {
+bool eventually(LinkBus& bus, const std::function<bool()>& done, double limit_s = test::kPatienceSeconds) {
   for (const double end_s = monotonic_s() + limit_s * test::patience(); monotonic_s() < end_s;) {
     if (done()) return true;
     bus.wait(50);
@@ -49,20 +52,23 @@ bool eventually(MonitorBus& bus, const std::function<bool()>& done, double limit
 /// What one monitor has heard.
 struct Heard {
   std::vector<WorkerStatus> workers = {};
-  std::vector<EpisodeResult> episodes = {};
+  std::vector<EpisodeRecord> episodes = {};
+  std::string scenario = {};
   std::vector<RunStats> stats = {};
-  void listen(MonitorBus& bus) {
-    bus.take_workers([&](const WorkerStatus& in) { workers.push_back(in); });
-    bus.take_episodes([&](const EpisodeResult& in) { episodes.push_back(in); });
-    bus.take_stats([&](const RunStats& in) { stats.push_back(in); });
+  void listen(LinkBus& bus) {
+    bus.take<WorkerStatus>([&](const WorkerStatus& in) { workers.push_back(in); });
+    bus.take<EpisodeResult>([&](const EpisodeResult& in) {
+      episodes.push_back(in.record);
+      scenario.assign(reinterpret_cast<const char*>(in.payload.data()), in.payload.size());
+    });
+    bus.take<RunStats>([&](const RunStats& in) { stats.push_back(in); });
   }
 };
 
 /// Writes everything once, numbered.
-void report(MonitorBus& bus, uint32_t number) {
+void report(LinkBus& bus, uint32_t number) {
   ASSERT_TRUE(bus.write(WorkerStatus{.worker_id = "policy-3",
                                      .host = "here",
-                                     .pid = 17,
                                      .role = "policy",
                                      .state = "running",
                                      .decisions_per_s = 100.5,
@@ -70,6 +76,7 @@ void report(MonitorBus& bus, uint32_t number) {
                                      .silent_s = 1.5,
                                      .cpu_s = 61,
                                      .resident_bytes = 1ull << 40,
+                                     .pid = 17,
                                      .restarts = 2,
                                      .message = "report " + std::to_string(number)}));
   RunStats stats{.run = "a_run", .elapsed_s = 9, .env_frames_goal = 1e8, .frame_skip = 4};
@@ -87,8 +94,7 @@ void report(MonitorBus& bus, uint32_t number) {
                  .policy_lag_max = 9,
                  .last_checkpoint = "checkpoint/x.pt"};
   ASSERT_TRUE(bus.write(stats));
-  ASSERT_TRUE(bus.write(EpisodeResult{.scenario = "/" + std::string(4000, 's'),  // a path
-                                      .record = {.episode_id = number,
+  ASSERT_TRUE(bus.write(EpisodeResult{.record = {.episode_id = number,
                                                  .episode_seed = 1ull << 63,
                                                  .layout_id = 42,
                                                  .layout_index = 7,
@@ -100,12 +106,13 @@ void report(MonitorBus& bus, uint32_t number) {
                                                  .score = 612.5,
                                                  .ceiling = 8400.0,
                                                  .agent_return = {1.0, -2.0, 3.0},
-                                                 .agent_score = {4.0, 5.0, 6.0}}}));
+                                                 .agent_score = {4.0, 5.0, 6.0}},
+                                      .payload = std::as_bytes(std::span(kPath))}));
 }
 
-TEST(MonitorBus, CarriesEveryMemberOfEveryTopic) {
+TEST(Monitors, CarriesEveryMemberOfEveryTopic) {
   const uint64_t id = fresh_id();
-  MonitorBus monitor = open_bus(id), run = open_bus(id);
+  LinkBus monitor = open_bus(id), run = open_bus(id);
   Heard heard;
   heard.listen(monitor);  // the readers are there before anything is written
   for (uint32_t number = 1; number <= 3; ++number) report(run, number);
@@ -114,20 +121,20 @@ TEST(MonitorBus, CarriesEveryMemberOfEveryTopic) {
     return !heard.workers.empty() && heard.episodes.size() >= 3 && !heard.stats.empty();
   }));
   const WorkerStatus& worker = heard.workers.back();
-  EXPECT_EQ(worker.worker_id, "policy-3");
-  EXPECT_EQ(worker.host, "here");
+  EXPECT_EQ(worker.worker_id.str(), "policy-3");
+  EXPECT_EQ(worker.host.str(), "here");
   EXPECT_EQ(worker.pid, 17);
-  EXPECT_EQ(worker.role, "policy");
-  EXPECT_EQ(worker.state, "running");
+  EXPECT_EQ(worker.role.str(), "policy");
+  EXPECT_EQ(worker.state.str(), "running");
   EXPECT_EQ(worker.decisions_per_s, 100.5);
   EXPECT_EQ(worker.busy, 0.25);
   EXPECT_EQ(worker.silent_s, 1.5);
   EXPECT_EQ(worker.cpu_s, 61);
   EXPECT_EQ(worker.resident_bytes, 1ull << 40);
   EXPECT_EQ(worker.restarts, 2u);
-  EXPECT_THAT(worker.message, HasSubstr("report"));
+  EXPECT_THAT(worker.message.str(), HasSubstr("report"));
   const RunStats& told = heard.stats.back();
-  EXPECT_EQ(told.run, "a_run");
+  EXPECT_EQ(told.run.str(), "a_run");
   EXPECT_EQ(told.elapsed_s, 9);
   EXPECT_EQ(told.env_frames_goal, 1e8);
   EXPECT_EQ(told.frame_skip, 4u);
@@ -143,46 +150,48 @@ TEST(MonitorBus, CarriesEveryMemberOfEveryTopic) {
   EXPECT_EQ(told.stats.replay_filled, 0.75);
   EXPECT_EQ(told.stats.policy_lag_max, 9u);
   EXPECT_STREQ(told.stats.last_checkpoint, "checkpoint/x.pt");
-  const EpisodeResult& episode = heard.episodes[0];
-  EXPECT_EQ(episode.scenario, "/" + std::string(4000, 's')) << "no path is cut";
-  EXPECT_EQ(episode.record.layout_id, 42u);
-  EXPECT_EQ(episode.record.layout_index, 7u);
-  EXPECT_EQ(episode.record.episode_seed, 1ull << 63);
-  EXPECT_EQ(episode.record.env_index, 5u);
-  EXPECT_EQ(episode.record.score, 612.5);
-  EXPECT_EQ(episode.record.ceiling, 8400.0);
-  EXPECT_THAT(episode.record.returns(), ElementsAre(1.0, -2.0, 3.0));
-  EXPECT_THAT(episode.record.scores(), ElementsAre(4.0, 5.0, 6.0));
-  EXPECT_EQ(episode.record.length_steps, 153u);
-  EXPECT_EQ(episode.record.length_tics, 612u);
-  EXPECT_TRUE(episode.record.terminated);
-  EXPECT_EQ(heard.episodes[1].record.episode_id, 2u) << "reliable and in order";
-  EXPECT_EQ(heard.episodes[2].record.episode_id, 3u);
+  const EpisodeRecord& episode = heard.episodes[0];
+  EXPECT_EQ(heard.scenario, kPath) << "no path is cut";
+  EXPECT_EQ(episode.layout_id, 42u);
+  EXPECT_EQ(episode.layout_index, 7u);
+  EXPECT_EQ(episode.episode_seed, 1ull << 63);
+  EXPECT_EQ(episode.env_index, 5u);
+  EXPECT_EQ(episode.score, 612.5);
+  EXPECT_EQ(episode.ceiling, 8400.0);
+  EXPECT_THAT(episode.returns(), ElementsAre(1.0, -2.0, 3.0));
+  EXPECT_THAT(episode.scores(), ElementsAre(4.0, 5.0, 6.0));
+  EXPECT_EQ(episode.length_steps, 153u);
+  EXPECT_EQ(episode.length_tics, 612u);
+  EXPECT_TRUE(episode.terminated);
+  EXPECT_EQ(heard.episodes[1].episode_id, 2u) << "reliable and in order";
+  EXPECT_EQ(heard.episodes[2].episode_id, 3u);
 }
 
-TEST(MonitorBus, GivesALateMonitorTheNewestOfEachWorkerAndReport) {
+TEST(Monitors, GivesALateMonitorTheNewestOfEachWorkerAndReport) {
   const uint64_t id = fresh_id();
-  MonitorBus run = open_bus(id);
+  LinkBus run = open_bus(id);
   for (uint32_t number = 1; number <= 3; ++number) report(run, number);
-  MonitorBus monitor = open_bus(id);
+  LinkBus monitor = open_bus(id);
   Heard heard;
   ASSERT_TRUE(eventually(monitor, [&] {
     heard.listen(monitor);
     return !heard.workers.empty() && !heard.stats.empty();
   }));
   ASSERT_EQ(heard.workers.size(), 1u) << "keep-last 1 per worker";
-  EXPECT_EQ(heard.workers[0].message, "report 3");
+  EXPECT_EQ(heard.workers[0].message.str(), "report 3");
   EXPECT_EQ(heard.stats.at(0).stats.learner_version, 3u);
   EXPECT_TRUE(heard.episodes.empty()) << "episodes are for monitors that already listen";
 }
 
-TEST(MonitorBus, AnotherVersionIsSeenAndNotHeard) {
+TEST(Monitors, AnotherVersionIsSeenAndNotHeard) {
   const uint64_t id = fresh_id();
-  MonitorBus run = open_bus(id, kBusVersion + 1), monitor = open_bus(id);
+  LinkBus run = open_bus(id, kLinkVersion + 1), monitor = open_bus(id);
   report(run, 1);
-  EXPECT_TRUE(eventually(monitor, [&] { return !monitor.seen().versions.empty(); }));
-  EXPECT_EQ(monitor.seen().versions.at(0), kBusVersion + 1);
-  EXPECT_FALSE(monitor.seen().has_link);
+  EXPECT_TRUE(eventually(monitor, [&] { return !monitor.seen().published_versions.empty(); }));
+  EXPECT_EQ(monitor.seen().published_versions.at(0), kLinkVersion + 1);
+  EXPECT_FALSE(monitor.seen().serves);
+  run.take<SenderReport>([](const SenderReport&) {});
+  EXPECT_TRUE(eventually(monitor, [&] { return monitor.seen().serves; }));
   Heard heard;
   heard.listen(monitor);
   eventually(
@@ -190,35 +199,35 @@ TEST(MonitorBus, AnotherVersionIsSeenAndNotHeard) {
   EXPECT_TRUE(heard.workers.empty() && heard.stats.empty() && heard.episodes.empty());
 }
 
-TEST(MonitorBus, CutsLongWordsButNeverInsideACharacter) {
+TEST(Monitors, CutsLongWordsButNeverInsideACharacter) {
   const uint64_t id = fresh_id();
-  MonitorBus bus = open_bus(id);  // it hears itself, too
+  LinkBus bus = open_bus(id);  // it hears itself, too
   Heard heard;
   heard.listen(bus);
   // The first one would end at byte 512, the bound is 511.
   ASSERT_TRUE(
       bus.write(WorkerStatus{.worker_id = "policy-0", .message = std::string(510, 'x') + "\u00fc\u00fc"}));
   ASSERT_TRUE(eventually(bus, [&] { return heard.listen(bus), !heard.workers.empty(); }));
-  EXPECT_EQ(heard.workers[0].message, std::string(510, 'x'));
+  EXPECT_EQ(heard.workers[0].message.str(), std::string(510, 'x'));
 }
 
-TEST(MonitorBus, TwoRunsOfOneHostNeverMeetEvenInTheSameDomain) {
+TEST(Monitors, TwoRunsOfOneHostNeverMeetEvenInTheSameDomain) {
   const uint64_t id = fresh_id();
   uint64_t other_id = id + 1;
-  while (bus_config_for_run(other_id).domain_id != bus_config_for_run(id).domain_id) ++other_id;
+  while (link_config(other_id).domain_id != link_config(id).domain_id) ++other_id;
   const auto reports = [](uint64_t run_id, const char* worker) {
     const pid_t run = fork();
     if (run != 0) return run;
-    auto bus = MonitorBus::open(bus_config_for_run(run_id));
+    auto bus = LinkBus::open(link_config(run_id));
     while (bus && bus->write(WorkerStatus{.worker_id = worker})) usleep(50'000);
     _exit(1);
   };
   const pid_t stranger = reports(other_id, "unknown"), ours = reports(id, "ours");
   std::vector<std::string> heard;
   {
-    MonitorBus bus = open_bus(id);
+    LinkBus bus = open_bus(id);
     const auto listen = [&] {
-      bus.take_workers([&](const WorkerStatus& in) { heard.push_back(in.worker_id); });
+      bus.take<WorkerStatus>([&](const WorkerStatus& in) { heard.push_back(in.worker_id.str()); });
     };
     EXPECT_TRUE(eventually(bus, [&] { return listen(), !heard.empty(); }));
     eventually(
@@ -231,9 +240,9 @@ TEST(MonitorBus, TwoRunsOfOneHostNeverMeetEvenInTheSameDomain) {
   EXPECT_THAT(heard, ::testing::Each("ours"));
 }
 
-TEST(MonitorBus, WaitSleepsWhenNothingArrives) {
-  MonitorBus bus = open_bus(fresh_id());
-  bus.take_stats([](const RunStats&) {});
+TEST(Monitors, WaitSleepsWhenNothingArrives) {
+  LinkBus bus = open_bus(fresh_id());
+  bus.take<RunStats>([](const RunStats&) {});
   const auto turns = [] {  // how often this thread gave the processor up by itself
     rusage usage{};
     getrusage(RUSAGE_THREAD, &usage);
@@ -247,30 +256,30 @@ TEST(MonitorBus, WaitSleepsWhenNothingArrives) {
   EXPECT_LE(turns() - before, 50) << "and did not look again and again";
 }
 
-TEST(MonitorBus, RefusesWhatIsNotThisHostsLoopback) {
-  BusConfig config = bus_config_for_run(1);
+TEST(Monitors, RefusesWhatIsNotThisHostsLoopback) {
+  BusConfig config = link_config(1);
   config.interface_name = "eth0";
-  auto bus = MonitorBus::open(config);
+  auto bus = LinkBus::open(config);
   ASSERT_FALSE(bus);
   EXPECT_EQ(bus.error().code, ErrorCode::kBadInput);
   EXPECT_THAT(bus.error().message, HasSubstr("loopback"));
-  config = bus_config_for_run(1);
+  config = link_config(1);
   config.run_id = "<Tag>";
-  EXPECT_FALSE(MonitorBus::open(config));
+  EXPECT_FALSE(LinkBus::open(config));
 }
 
-TEST(MonitorBus, RefusesASecondRunInTheSameDomainOfOneProcess) {
+TEST(Monitors, RefusesASecondRunInTheSameDomainOfOneProcess) {
   const uint64_t run_id = fresh_id();
   uint64_t other_id = run_id + 1;
-  while (bus_config_for_run(other_id).domain_id != bus_config_for_run(run_id).domain_id) ++other_id;
-  MonitorBus bus = open_bus(run_id);
-  MonitorBus same_run = open_bus(run_id);
-  auto other = MonitorBus::open(bus_config_for_run(other_id));
+  while (link_config(other_id).domain_id != link_config(run_id).domain_id) ++other_id;
+  LinkBus bus = open_bus(run_id);
+  LinkBus same_run = open_bus(run_id);
+  auto other = LinkBus::open(link_config(other_id));
   ASSERT_FALSE(other);
   EXPECT_THAT(other.error().message, HasSubstr("another run"));
 }
 
-TEST(MonitorBus, LeavesNoSocketAndNoThreadBehind) {
+TEST(Monitors, LeavesNoSocketAndNoThreadBehind) {
   const auto count = [](const char* folder) {
     DIR* open = opendir(folder);
     int entries = 0;
@@ -283,12 +292,12 @@ TEST(MonitorBus, LeavesNoSocketAndNoThreadBehind) {
     return test::wait_until([&] { return count("/proc/self/task") <= wanted; });
   };
   const int threads = count("/proc/self/task");
-  { MonitorBus warm_up = open_bus(fresh_id()); }
+  { LinkBus warm_up = open_bus(fresh_id()); }
   ASSERT_TRUE(falls_to(threads)) << "of the warm-up";
   const int descriptors = count("/proc/self/fd");
   {
-    MonitorBus bus = open_bus(fresh_id());
-    bus.take_workers([](const WorkerStatus&) {});
+    LinkBus bus = open_bus(fresh_id());
+    bus.take<WorkerStatus>([](const WorkerStatus&) {});
     EXPECT_GT(count("/proc/self/task"), threads);
     EXPECT_LE(count("/proc/self/task"), threads + 8) << "few threads per process";
   }
@@ -296,13 +305,13 @@ TEST(MonitorBus, LeavesNoSocketAndNoThreadBehind) {
   EXPECT_TRUE(falls_to(threads));
 }
 
-TEST(MonitorBus, ListensOnLoopbackOnly) {
+TEST(Monitors, ListensOnLoopbackOnly) {
   const int probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   const bool may_bind = setsockopt(probe, SOL_SOCKET, SO_BINDTODEVICE, "lo", 3) == 0;
   close(probe);
   if (!may_bind)
     GTEST_SKIP() << "this kernel ties sockets to a device for root only; a packet filter replaces it";
-  MonitorBus bus = open_bus(fresh_id());
+  LinkBus bus = open_bus(fresh_id());
   int sockets = 0;
   DIR* open = opendir("/proc/self/fd");
   while (const dirent* entry = readdir(open)) {
@@ -323,5 +332,5 @@ TEST(MonitorBus, ListensOnLoopbackOnly) {
   EXPECT_GE(sockets, 2);
 }
 
-}  // namespace monitor_bus_test
+}  // namespace monitors_test
 }  // namespace comrad::dds
