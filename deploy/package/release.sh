@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# What a release must have, point by point: the versions agree, the changelog has it, wheels and the package are made and tried.
+# What a release must have, point by point: the versions agree, the changelog has it, wheels, packages and images are made and tried.
 #
 #   deploy/package/release.sh [--quick] [FOLDER]      where all is put (default: dist); --quick looks at the files alone
 #
-# Goes through all points and ends with 1 where one is not met. Needs what ../wheel/build.sh needs and a build with its tests (build/); an hour.
+# Goes through all points and ends with 1 where one is not met. Needs what ../wheel/build.sh, build.sh and
+# ../docker/build.sh need; an hour.
 # shellcheck disable=SC2317 # point() calls the functions
 set -uo pipefail
 home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
@@ -49,11 +50,11 @@ point "every scenario has a version" "write version = N" scenarios_have_versions
 point "everything is committed" "commit or remove what git status shows" is_committed
 point "the commit has the tag v${version}" "git tag v${version}" is_tagged
 if [[ -z "${quick}" ]]; then
-  point "wheels are made" "read its words" deploy/wheel/build.sh "${out}/wheels"
-  point "their metadata can be published" "pip install twine, and read its words" python3 -m twine check --strict "${out}/wheels"/*.whl
   for release in bookworm trixie; do
-    point "wheels work on ${release} with Python and pip alone" "read its words" tests/integration/wheel_test.sh "${release}" "${out}/wheels"
+    point "wheels are made, and work on ${release} with Python and pip alone" "read its words" \
+      tests/integration/wheel_test.sh "${release}" "${out}/wheels"
+    point "package and image of ${release} are made, and train" "read its words" tests/integration/package_test.sh "${release}" "${out}"
   done
-  point "the package is made and trains" "read its words" ctest --test-dir build --no-tests=error --output-on-failure -R '^package_test$'
+  point "the wheels' metadata can be published" "pip install twine, and read its words" python3 -m twine check --strict "${out}/wheels"/*.whl
 fi
 exit "${failed}"

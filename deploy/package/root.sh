@@ -54,8 +54,30 @@ give_pip() {
 copy_sources() {
   rm -rf "$2"
   mkdir -p "$2"
-  (cd "$1" && git -c safe.directory="$1" ls-files -z --cached --others --exclude-standard | xargs -0 stat --printf '%n\0' 2>/dev/null |
+  # stat leaves out what is deleted, but not yet for git.
+  (cd "$1" && git -c safe.directory="$1" ls-files -z --cached --others --exclude-standard | { xargs -0 stat --printf '%n\0' 2>/dev/null || true; } |
     tar --null --files-from=- -c) | tar -C "$2" -x
+}
+
+# packages_of LIST: the names in a list of deploy/.
+packages_of() { sed 's/[[:space:]#].*//; /^$/d' "${BASH_SOURCE[0]%/*}/../$1"; }
+
+# ${ccache_bind} is for in_root: this machine's ccache, where there is one. It hits where compiler, packages and paths are the same.
+ccache_bind=()
+if command -v ccache >/dev/null; then ccache_bind=("$(ccache --get-config cache_dir):/root/.cache/ccache"); fi
+
+# made_once CHECKOUT FOLDER COMMAND...: the command, which makes FOLDER's files of that checkout; nothing where they are of its files already.
+made_once() {
+  local checkout="$1" folder="$2" of
+  shift 2
+  mkdir -p "${folder}"
+  of="$(git -c safe.directory="${checkout}" -C "${checkout}" rev-parse HEAD) $(git -c safe.directory="${checkout}" -C "${checkout}" diff HEAD | cksum)"
+  (
+    flock 9
+    [[ -f "${folder}/.made_of" && "$(<"${folder}/.made_of")" == "${of}" ]] && exit 0
+    rm -f "${folder}"/* "${folder}/.made_of"
+    "$@" >"${folder}/build.log" 2>&1 && echo "${of}" >"${folder}/.made_of"
+  ) 9>"${folder}/.lock"
 }
 
 # in_root NETWORK FOLDER [BIND...] -- COMMAND...: the command in that root, with processes, mounts and a separate empty environment.

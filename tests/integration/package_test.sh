@@ -1,16 +1,20 @@
 #!/usr/bin/env bash
 # The .deb in its own Debian: it installs with what it depends on, trains there without a network, with a /dev/shm of 64 MB and
 # without being root, and its systemd unit resumes a run after a reboot and after a power cut.
+# The image made of it can be read as an OCI archive and as Docker's, and trains as its user.
 #
-#   package_test.sh BUILD_FOLDER
+#   package_test.sh RELEASE FOLDER      bookworm or trixie; FOLDER/RELEASE keeps both between the tests of one commit
 #
-# Needs root, the packages of deploy/packages_test.txt and a mirror of Debian (the machine's own sources). Ends with 77 where one of
-# these is missing. COMRAD_PACKAGE_ROOT names a folder to keep the new root in, and to take it from the next time.
+# Needs what deploy/package/build.sh and deploy/docker/build.sh need, which make both. Ends with 77 where one of these is missing.
+# COMRAD_PACKAGE_ROOT names a folder to keep the new root in, and to take it from the next time.
 set -euo pipefail
-build="$1"
+release="$1" made="$2/$1"
+home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
 scratch="$(mktemp -d)"
 root="${COMRAD_PACKAGE_ROOT:-${scratch}/root}"
 container=''
+# shellcheck source=deploy/package/root.sh
+source "${home}/deploy/package/root.sh"
 
 descendants() {
   local one
@@ -26,17 +30,19 @@ stop_container() { # SIGNAL: TERM shuts down; KILL is a power cut
 }
 clean_up() {
   stop_container KILL
+  images umount --all >/dev/null 2>&1 || true
   rm -rf --one-file-system "${scratch}"
 }
+images() { buildah --root "${scratch}/storage" --runroot "${scratch}/run" --storage-driver vfs "$@"; }
 trap clean_up EXIT
 
-say() { echo "package_test: $*"; }
+say() { echo "package_test, ${release}: $*"; }
 fail() {
   say "$*" >&2
   exit 1
 }
 skip() {
-  echo "[  SKIPPED ] 1 test, the package: $*"
+  echo "[  SKIPPED ] 1 test, the package on ${release}: $*"
   exit 77
 }
 wait_until() { # SECONDS COMMAND...
@@ -49,45 +55,34 @@ wait_until() { # SECONDS COMMAND...
   return 1
 }
 
-((EUID == 0)) || skip "only root may make another root folder"
-for program in mmdebstrap dpkg-shlibdeps unshare ip systemd-nspawn; do
+why="$(why_no_root)"
+[[ -z "${why}" ]] || skip "${why}"
+for program in buildah systemd-nspawn; do
   command -v "${program}" >/dev/null || skip "${program} is not installed; ./comrad test installs it"
 done
-unshare --mount --pid --net --fork true 2>/dev/null || skip "namespaces are not permitted here"
 
-cpack --config "${build}/CPackConfig.cmake" -B "${scratch}/package" >"${scratch}/cpack.log" 2>&1 || fail "cpack: $(tail -n 20 "${scratch}/cpack.log")"
-package="$(echo "${scratch}"/package/comrad_*.deb)"
+make_root "${release}" "${root}" systemd systemd-sysv || skip "no Debian could be made: ${root_failure}"
+make_both() { "${home}/deploy/package/build.sh" "${release}" "${made}" && "${home}/deploy/docker/build.sh" "${release}" "${made}"; }
+made_once "${home}" "${made}" make_both || fail "build.sh: $(tail -n 20 "${made}/build.log")"
+grep -E ' bytes' "${made}/build.log"
+package="$(echo "${made}"/comrad_*.deb)" image="$(echo "${made}"/comrad_*_image.tar)"
 depends="$(dpkg-deb --field "${package}" Depends)"
 for wanted in libtorch libosmesa6 libddsc0 libopencv-core freedoom libopenblas0-openmp; do
   [[ "${depends}" == *"${wanted}"* ]] || fail "the package does not depend on ${wanted}: ${depends}"
 done
 if dpkg-deb --contents "${package}" | awk '{ print $6 }' | grep -vE '^\./(usr/|$)'; then fail "it writes outside of /usr"; fi
-say "$(basename "${package}") of $(stat -c %s "${package}") bytes depends on ${depends}"
+say "it depends on ${depends}"
 
-if [[ ! -x "${root}/usr/bin/apt-get" ]]; then
-  sources=(/etc/apt/sources.list.d/debian.sources)
-  [[ -f "${sources[0]}" ]] || sources=(/etc/apt/sources.list)
-  mmdebstrap --quiet --variant=minbase --include=systemd,systemd-sysv "$(. /etc/os-release && echo "${VERSION_CODENAME}")" \
-    "${root}" "${sources[@]}" >"${scratch}/root.log" 2>&1 || skip "no Debian could be made: $(tail -n 1 "${scratch}/root.log")"
-fi
 before="$(chroot "${root}" dpkg-query -W -f '${Package}\n' | wc -l)"
 cp "${package}" "${root}/root/comrad.deb"
-cp /etc/resolv.conf "${root}/etc/resolv.conf"
-inside() { # in its own namespaces; NETWORK is "host" or "none"
+inside() { # NETWORK COMMAND...
   local network="$1"
   shift
-  local options=(--mount --pid --fork --kill-child)
-  [[ "${network}" == host ]] || options+=(--net)
-  # shellcheck disable=SC2016
-  unshare "${options[@]}" bash -c 'root="$1"; shift
-    [[ "$1" == host ]] || ip link set lo up
-    shift
-    mount -t proc proc "${root}/proc" && mount --bind /dev "${root}/dev" && mount -t tmpfs -o size=64m tmpfs "${root}/dev/shm" &&
-      exec chroot "$@"' inside "${root}" "${network}" "$@"
+  COMRAD_ROOT_SHM=64m in_root "${network}" "${root}" -- "$@"
 }
-inside host "${root}" sh -c 'apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends /root/comrad.deb' \
+inside host sh -c 'apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends /root/comrad.deb' \
   >"${scratch}/install.log" 2>&1 || fail "the package does not install: $(tail -n 20 "${scratch}/install.log")"
-say "installed; $(($(chroot "${root}" dpkg-query -W -f '${Package}\n' | wc -l) - before)) packages came along"
+say "installed; $(($(chroot "${root}" dpkg-query -W -f '${Package}\n' | wc -l) - before)) packages came along; the root has $(du -sm --one-file-system "${root}" | cut -f 1) MB"
 grep -q '^comrad:' "${root}/etc/passwd" || fail "there is no account for the unit"
 
 settings='scenario = "coop_health_gathering"
@@ -109,11 +104,12 @@ rm -rf "${root}/var/lib/comrad"
 install -d -o "$(stat -c %u "${root}/home")" "${root}/var/lib/comrad"
 chroot "${root}" chown comrad: /var/lib/comrad
 echo "${settings}20000" >"${root}/etc/comrad/short.toml"
-inside none --userspec=comrad "${root}" env -i comrad train --config /etc/comrad/short.toml --train_dir /var/lib/comrad --experiment short \
+inside none runuser -u comrad -- comrad train --config /etc/comrad/short.toml --train_dir /var/lib/comrad --experiment short \
   >"${scratch}/train.log" 2>&1 || fail "train: $(tail -n 20 "${scratch}/train.log")"
 grep -q '"state": *"finished"' "${root}/var/lib/comrad/short/status.json" || fail "no finished run"
-inside none --userspec=comrad "${root}" env -i comrad eval --policy /var/lib/comrad/short --episodes 2 --json >"${scratch}/eval.json" \
+inside none runuser -u comrad -- comrad eval --policy /var/lib/comrad/short --episodes 2 --json >"${scratch}/eval.json" \
   2>"${scratch}/eval.log" || fail "eval: $(tail -n 20 "${scratch}/eval.log")"
+inside none runuser -u comrad -- comrad doctor >"${scratch}/doctor.log" 2>&1 || fail "doctor: $(<"${scratch}/doctor.log")"
 say "trained and played as the user comrad, without a network, with a /dev/shm of 64 MB"
 
 # The unit, under its own systemd. A finished run and one without a goal in sight are enabled; the former must end at once.
@@ -129,7 +125,7 @@ journal_has() { journal "$1" | grep -q "$2"; }
 resumed() { (($(journal long | grep -c 'Resuming the run in /var/lib/comrad/long') == $1)) && gets_beyond "$2"; }
 boot() {
   systemd-nspawn --quiet --directory="${root}" --register=no --keep-unit --private-network --console=pipe --boot \
-    </dev/null >"${scratch}/console.log" 2>&1 &
+    SYSTEMD_CGROUP_ENABLE_LEGACY_FORCE=1 </dev/null >"${scratch}/console.log" 2>&1 &
   container=$!
 }
 
@@ -155,3 +151,20 @@ boot
 wait_until 120 resumed 2 "${saved}" || fail "it does not continue after a power cut: $(journal long | tail -n 20)"
 stop_container TERM
 say "continued after both"
+
+# The image, as the two kinds of archive that it is, and as `docker run` would start it. buildah has no network then, either.
+for kind in oci-archive docker-archive; do
+  images pull --quiet "${kind}:${image}" >"${scratch}/image" 2>"${scratch}/pull.log" || fail "it is no ${kind}: $(<"${scratch}/pull.log")"
+  about="$(images inspect --type image --format '{{.OCIv1.Config.Entrypoint}} {{.OCIv1.Config.Cmd}} {{.OCIv1.Config.User}} {{.OCIv1.Config.WorkingDir}}' "$(<"${scratch}/image")")"
+  [[ "${about}" == '[comrad] [doctor] 1000 /runs' ]] || fail "the ${kind} starts ${about}"
+done
+started="$(images from --pull-never "$(<"${scratch}/image")")"
+in_image() {
+  unshare --net bash -c 'ip link set lo up && exec "$@"' in_image buildah --root "${scratch}/storage" --runroot "${scratch}/run" --storage-driver vfs \
+    run --isolation chroot "${started}" -- comrad "$@" >"${scratch}/image.log" 2>&1 </dev/null || fail "comrad $* in the image: $(tail -n 20 "${scratch}/image.log")"
+}
+in_image doctor
+in_image train --scenario coop_health_gathering --algo ippo --num_workers 1 --num_envs_per_worker 4 --rnn_size 32 --device cpu \
+  --experiment first --train_for_env_frames 20000
+in_image eval --policy train_dir/first --episodes 2
+say "the image trained and played as user 1000; unpacked it has $(du -sm "$(images mount "${started}")" | cut -f 1) MB"

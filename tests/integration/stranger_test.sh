@@ -15,6 +15,8 @@ home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
 scratch="$(mktemp -d)"
 root="${COMRAD_STRANGER_ROOT:-${scratch}/root}"
 trap 'rm -rf --one-file-system "${scratch}"' EXIT
+# shellcheck source=deploy/package/root.sh
+source "${home}/deploy/package/root.sh"
 
 say() { echo "stranger_test, ${release}: $*"; }
 fail() {
@@ -26,48 +28,18 @@ skip() {
   exit 77
 }
 
-((EUID == 0)) || skip "only root may make another root folder"
-command -v mmdebstrap >/dev/null || skip "mmdebstrap is not installed; ./comrad test installs it"
-unshare --mount --pid --fork true 2>/dev/null || skip "namespaces are not permitted here"
+why="$(why_no_root)"
+[[ -z "${why}" ]] || skip "${why}"
 git -c safe.directory="${home}" -C "${home}" archive HEAD >"${scratch}/sources.tar" 2>/dev/null || skip "${home} is no git checkout"
 
-if [[ ! -x "${root}/usr/bin/apt-get" ]]; then
-  sources=(/etc/apt/sources.list.d/debian.sources)
-  [[ -f "${sources[0]}" ]] || sources=(/etc/apt/sources.list)
-  this="$(. /etc/os-release && echo "${VERSION_CODENAME}")"
-  sed "s/\\b${this}\\b/${release}/g" "${sources[0]}" >"${scratch}/$(basename "${sources[0]}")"
-  mmdebstrap --quiet --variant=minbase "${release}" "${root}" "${scratch}/$(basename "${sources[0]}")" >"${scratch}/root.log" 2>&1 ||
-    skip "no Debian could be made: $(tail -n 1 "${scratch}/root.log")"
-fi
-cp /etc/resolv.conf /etc/hosts "${root}/etc/"
+make_root "${release}" "${root}" || skip "no Debian could be made: ${root_failure}"
+give_pip "${root}"
 mkdir -p "${root}/root/comrad"
 find "${root}/root/comrad" -mindepth 1 -maxdepth 1 ! -name build ! -name train_dir -exec rm -rf {} +
 tar -C "${root}/root/comrad" -xf "${scratch}/sources.tar"
 rm -rf "${root}/root/comrad/train_dir"
 
-# pip as it is configured here: files, variables, certificates, folders of wheels.
-[[ ! -f /etc/pip.conf ]] || cp /etc/pip.conf "${root}/etc/"
-[[ ! -d /etc/xdg/pip ]] || { mkdir -p "${root}/etc/xdg" && cp -r /etc/xdg/pip "${root}/etc/xdg/"; }
-mapfile -t environment < <(env | grep -iE '^(PIP_[A-Z_]+|[a-z]+_proxy)=' || true)
-if [[ -f "${PIP_CERT:-}" ]]; then
-  cp "${PIP_CERT}" "${root}/root/pip.crt"
-  environment+=(PIP_CERT=/root/pip.crt)
-fi
-read -ra wheels <<<"${PIP_FIND_LINKS:-}"
-
-inside() { # in the new root's sources, with its own processes and mounts
-  # shellcheck disable=SC2016
-  unshare --mount --pid --fork --kill-child bash -c 'root="$1"; shift
-    mount --bind "${root}" "${root}" && # tests change how mounts spread, which only a mount point can
-      mount -t proc proc "${root}/proc" && mount --rbind /sys "${root}/sys" && mount --rbind /dev "${root}/dev" &&
-      mount -t tmpfs tmpfs "${root}/dev/shm" && mount -t tmpfs tmpfs "${root}/run" || exit
-    while [[ "$1" != -- ]]; do
-      [[ ! -d "$1" ]] || { mkdir -p "${root}/$1" && mount --bind -o ro "$1" "${root}/$1"; } || exit
-      shift
-    done
-    exec chroot "${root}" env -i -C /root/comrad "${@:2}"' inside "${root}" "${wheels[@]}" -- \
-    HOME=/root PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin "${environment[@]}" "$@"
-}
+inside() { in_root host "${root}" "${pip_folders[@]}" -- env -C /root/comrad "${pip_environment[@]}" "$@"; }
 
 begin="${SECONDS}"
 inside ./comrad train --scenario coop_health_gathering --algo ippo --seed 42 --experiment first --train_for_env_frames 4000 \

@@ -27,24 +27,14 @@ skip() {
 why="$(why_no_root)"
 [[ -z "${why}" ]] || skip "${why}"
 
-# Wheels of another commit, or of changed files, are made again.
-mkdir -p "${made}"
-of="$(git -c safe.directory="${home}" -C "${home}" rev-parse HEAD) $(git -c safe.directory="${home}" -C "${home}" diff HEAD | cksum)"
-exec 9>"${made}/.lock"
-flock 9
-if [[ ! -f "${made}/.made_of" || "$(<"${made}/.made_of")" != "${of}" ]]; then
-  rm -f "${made}"/*.whl
-  "${home}/deploy/wheel/build.sh" "${made}" >"${made}/build.log" 2>&1 || fail "build.sh: $(tail -n 20 "${made}/build.log")"
-  echo "${of}" >"${made}/.made_of"
-fi
-exec 9>&-
+make_root "${release}" "${root}" python3 python3-pip || skip "no Debian could be made: ${root_failure}"
+made_once "${home}" "${made}" "${home}/deploy/wheel/build.sh" "${made}" || fail "build.sh: $(tail -n 20 "${made}/build.log")"
 wheel="$(echo "${made}"/comrad-*.whl)" data="$(echo "${made}"/comrad_freedoom-*.whl)"
 bytes="$(stat -c %s "${wheel}")"
 say "$(basename "${wheel}") of ${bytes} bytes, $(basename "${data}") of $(stat -c %s "${data}")"
 ((bytes < 15000000)) || fail "the wheel has more than 15 MB"
 [[ "${wheel}" == *-cp311-abi3-manylinux_* ]] || fail "the wheel is not for every Python from 3.11 on and for glibc: ${wheel}"
 
-make_root "${release}" "${root}" python3 python3-pip || skip "no Debian could be made: ${root_failure}"
 give_pip "${root}"
 rm -rf "${root}/wheels" "${root}/root/plays" && mkdir -p "${root}/wheels" "${root}/root/plays"
 cp "${wheel}" "${data}" "${root}/wheels/"

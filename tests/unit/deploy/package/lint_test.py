@@ -98,6 +98,8 @@ CASES = [
     shell("deploy/package/postinst", '"$1" = configure', "$1 == configure"),
     shell("deploy/package/prerm", "'comrad@*.service'", "`echo 'comrad@*.service'"),
     shell("deploy/package/root.sh", 'log="${folder%/}.log"', 'logs="${folder%/}.log'),
+    shell("deploy/package/build.sh", 'mkdir -p "${out}"', 'mkdir -p "${outs}"'),
+    shell("deploy/docker/build.sh", 'image="${out}/', 'images="${out}/'),
     shell("deploy/package/release.sh", 'echo "ok      ${what}"', 'echo "ok      ${whats}"'),
     shell("deploy/wheel/build.sh", 'ls -l "${out}"', 'ls -l "${outs}"'),
     shell("deploy/gpu/check.sh", 'kill "${watcher}"', 'kill "${watchr}"'),
