@@ -1,7 +1,9 @@
 #include "deploy/launch/evaluation_folder.h"
 
 #include <fcntl.h>
+#include <spdlog/fmt/fmt.h>
 
+#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -12,6 +14,8 @@
 namespace comrad::deploy {
 
 namespace fs = std::filesystem;
+
+constexpr std::string_view kVideoStem = "video_";
 
 std::vector<Snapshot> RunEvaluationFolder::snapshots() {
   const std::string folder = run_dir_ + "/checkpoint";
@@ -46,12 +50,39 @@ std::vector<uint64_t> RunEvaluationFolder::recorded() {
   return env_frames;
 }
 
+Status RunEvaluationFolder::open_metrics(const Snapshot& snapshot) {
+  if (metrics_) return {};
+  COMRAD_TRY_ASSIGN(metrics_, MetricsWriter::open(run_dir_, run_dir_ + "/eval"));
+  return metrics_->begin_at(snapshot.env_frames);
+}
+
 Status RunEvaluationFolder::record(const Snapshot& snapshot, uint64_t decisions, const MetricValues& values) {
-  if (!metrics_) {
-    COMRAD_TRY_ASSIGN(metrics_, MetricsWriter::open(run_dir_, run_dir_ + "/eval"));
-    COMRAD_TRY(metrics_->begin_at(snapshot.env_frames));
-  }
+  COMRAD_TRY(open_metrics(snapshot));
   return metrics_->write(static_cast<double>(snapshot.train_seconds), snapshot.env_frames, decisions, values);
+}
+
+std::vector<uint64_t> RunEvaluationFolder::recorded_videos() {
+  std::vector<uint64_t> env_frames;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(videos_folder(), ignored)) {
+    const std::string name = entry.path().stem().string();
+    uint64_t count = 0;
+    if (name.starts_with(kVideoStem) &&
+        std::from_chars(name.data() + kVideoStem.size(), name.data() + name.size(), count).ec == std::errc())
+      env_frames.push_back(count);
+  }
+  return env_frames;
+}
+
+Expected<std::string> RunEvaluationFolder::keep_video(const Snapshot& snapshot) {
+  COMRAD_TRY(open_metrics(snapshot));
+  COMRAD_TRY(metrics_->write_gif(snapshot.env_frames, "eval/video", read_file(video_path()).value_or("")));
+  const std::string kept = fmt::format("{}/{}{:012}.gif", videos_folder(), kVideoStem, snapshot.env_frames);
+  std::error_code failed;
+  fs::create_directories(videos_folder(), failed);
+  fs::rename(video_path(), kept, failed);
+  if (failed) return file_error(kept, failed.value());
+  return kept;
 }
 
 Expected<Descriptor> RunEvaluationFolder::open_scratch() {

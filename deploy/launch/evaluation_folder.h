@@ -35,15 +35,23 @@ class EvaluationFolder {
   virtual std::vector<uint64_t> recorded() = 0;
   virtual Status record(const Snapshot& snapshot, uint64_t decisions, const MetricValues& values) = 0;
 
+  /// Env frames of the videos that were kept, likewise.
+  virtual std::vector<uint64_t> recorded_videos() = 0;
+  /// Keeps the video that lies at video_path(). Returns where. Errors: kBadFormat for no video; kSystem, kNoSpace.
+  virtual Expected<std::string> keep_video(const Snapshot& snapshot) = 0;
+
   /// A place for what one evaluation leaves, and the file in it that takes its output. Errors: kSystem.
   virtual Expected<Descriptor> open_scratch() = 0;
   virtual std::string scratch() const = 0;
+  /// In it.
+  std::string video_path() const { return scratch() + "/video.gif"; }
   /// What it has printed.
   virtual std::string result() = 0;
   virtual void clear_scratch() = 0;
 };
 
-/// What the learner requests in `<run_dir>/checkpoint` (rollout_buffer/metrics/learner_messages.h), metrics.jsonl and event files in `<run_dir>/eval`; `<run_dir>/.evaluation` is the scratch.
+/// What the learner requests in `<run_dir>/checkpoint` (rollout_buffer/metrics/learner_messages.h), metrics.jsonl, event files in
+/// `<run_dir>/eval`, videos `<run_dir>/videos/video_<env_frames>.gif`; `<run_dir>/.evaluation` is the scratch.
 class RunEvaluationFolder final : public EvaluationFolder {
  public:
   explicit RunEvaluationFolder(std::string run_dir) : run_dir_(std::move(run_dir)) {}
@@ -51,6 +59,8 @@ class RunEvaluationFolder final : public EvaluationFolder {
   void remove(const Snapshot& snapshot) override;
   std::vector<uint64_t> recorded() override;
   Status record(const Snapshot& snapshot, uint64_t decisions, const MetricValues& values) override;
+  std::vector<uint64_t> recorded_videos() override;
+  Expected<std::string> keep_video(const Snapshot& snapshot) override;
   Expected<Descriptor> open_scratch() override;
   std::string scratch() const override { return run_dir_ + "/.evaluation"; }
   std::string result() override;
@@ -58,6 +68,9 @@ class RunEvaluationFolder final : public EvaluationFolder {
 
  private:
   std::string result_path() const { return scratch() + "/result.json"; }
+  std::string videos_folder() const { return run_dir_ + "/videos"; }
+  /// Opens metrics_ for a first result. Errors: kSystem, kNoSpace.
+  Status open_metrics(const Snapshot& snapshot);
   const std::string run_dir_;
   std::optional<MetricsWriter> metrics_;
 };

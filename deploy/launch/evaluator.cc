@@ -20,8 +20,15 @@ constexpr double kCheckpointLookIntervalS = 1.0;
 constexpr double kEvaluationKillAfterS = 4.0;  // of a stop, so that the run is gone in 10 s
 constexpr int64_t kMostEnvironments = 10;      // one small simulator
 
+// What is seen of a policy in TensorBoard: some megabytes a video, so not whole episodes.
+constexpr const char *kVideoSize = "320x180", *kVideoSeconds = "20";
+
 std::string at_text(const Snapshot& snapshot) {
   return "at " + count_text(static_cast<double>(snapshot.env_frames)) + " env frames";
+}
+
+std::string name_of(const Snapshot& snapshot, bool is_video) {
+  return (is_video ? "video " : "evaluation ") + at_text(snapshot);
 }
 
 }  // namespace
@@ -57,20 +64,20 @@ Evaluator::Evaluator(const LaunchPlan& plan, const Clock& clock, ProcessHost& pr
       clock_(clock),
       processes_(processes),
       folder_(folder),
-      is_wanted_(plan.trains() && plan.seconds <= 0 && plan.config.run.eval_every_env_frames > 0) {
+      is_wanted_(plan.trains() && plan.seconds <= 0 &&
+                 (plan.config.run.eval_every_env_frames > 0 || plan.config.run.video_every_env_frames > 0)),
+      scores_(plan.config.run.eval_every_env_frames),
+      videos_(plan.config.run.video_every_env_frames) {
   if (!is_wanted_) return;
   folder_.clear_scratch();  // of a run that was killed
-  for (const uint64_t env_frames : folder_.recorded()) done_.insert(point_of(env_frames));
+  for (const uint64_t env_frames : folder_.recorded()) scores_.add(env_frames);
+  for (const uint64_t env_frames : folder_.recorded_videos()) videos_.add(env_frames);
 }
 
 Evaluator::~Evaluator() {
   if (!is_wanted_) return;
   current_.reset();
   folder_.clear_scratch();
-}
-
-int64_t Evaluator::point_of(uint64_t env_frames) const {
-  return static_cast<int64_t>(static_cast<double>(env_frames) / plan_.config.run.eval_every_env_frames);
 }
 
 std::vector<std::string> Evaluator::tick() {
@@ -80,7 +87,7 @@ std::vector<std::string> Evaluator::tick() {
   if (current_) {
     for (const std::string& line : current_->process->read_lines()) {
       current_->last_line = line;
-      spdlog::info("evaluation {}: {}", at_text(current_->snapshot), line);
+      spdlog::info("{}: {}", name_of(current_->snapshot, current_->is_video), line);
     }
     if (kill_at_s_ > 0 && now_s >= kill_at_s_) current_->process->send_signal(SIGKILL);
     if (const std::optional<ExitStatus>& how = current_->process->poll_exit()) {
@@ -109,12 +116,17 @@ void Evaluator::look(std::vector<std::string>& words) {
   if (current_)
     std::erase_if(found, [this](const Snapshot& one) { return one.path == current_->snapshot.path; });
   std::ranges::sort(found, {}, &Snapshot::env_frames);
-  std::set<int64_t> points = done_;
-  if (current_) points.insert(point_of(current_->snapshot.env_frames));
+  EvaluationPoints scores = scores_, videos = videos_;
+  const auto claim = [&](const Snapshot& snapshot) {
+    const bool is_due = scores.is_due(snapshot.env_frames) || videos.is_due(snapshot.env_frames);
+    scores.add(snapshot.env_frames), videos.add(snapshot.env_frames);
+    return is_due;
+  };
+  if (current_) claim(current_->snapshot);
   waiting_.clear();
   for (Snapshot& snapshot : found) {
     // A learner that went back to an older checkpoint passes a point once more.
-    if (points.insert(point_of(snapshot.env_frames)).second)
+    if (claim(snapshot))
       waiting_.push_back(std::move(snapshot));
     else
       folder_.remove(snapshot);
@@ -122,8 +134,8 @@ void Evaluator::look(std::vector<std::string>& words) {
   while (waiting_.size() > kMostWaiting) {
     words.push_back(
         "the evaluation " + at_text(waiting_.front()) +
-        " is left out: the ones before take longer than the run; raise --eval_every_env_frames or "
-        "lower --eval_episodes");
+        " is left out: the ones before take longer than the run; raise --eval_every_env_frames (or "
+        "--video_every_env_frames) or lower --eval_episodes");
     folder_.remove(waiting_.front());
     waiting_.erase(waiting_.begin());
   }
@@ -131,6 +143,8 @@ void Evaluator::look(std::vector<std::string>& words) {
 
 Status Evaluator::start(const Snapshot& snapshot) {
   const RunSettings& run = plan_.config.run;
+  const bool is_video = !scores_.is_due(snapshot.env_frames);
+  const int64_t episodes = is_video ? 1 : run.eval_episodes;
   COMRAD_TRY_ASSIGN(const Descriptor output, folder_.open_scratch());
   // Small, on the CPU and on no reserved core: it takes what the run leaves.
   ChildOptions options;
@@ -141,7 +155,7 @@ Status Evaluator::start(const Snapshot& snapshot) {
                        "--checkpoint",
                        snapshot.path,
                        "--episodes",
-                       std::to_string(run.eval_episodes),
+                       std::to_string(episodes),
                        "--maps",
                        word_of(run.eval_maps),
                        "--background",
@@ -149,7 +163,7 @@ Status Evaluator::start(const Snapshot& snapshot) {
                        "--num_workers",
                        "1",
                        "--num_envs_per_worker",
-                       std::to_string(std::min(run.eval_episodes, kMostEnvironments)),
+                       std::to_string(std::min(episodes, kMostEnvironments)),
                        "--policy_workers",
                        "1",
                        "--policy_threads",
@@ -160,13 +174,19 @@ Status Evaluator::start(const Snapshot& snapshot) {
                        "cpu",
                        "--set_workers_cpu_affinity",
                        "False"};
+  if (is_video)
+    options.arguments.insert(options.arguments.end(), {"--save_video", folder_.video_path(), "--size",
+                                                       kVideoSize, "--seconds", kVideoSeconds});
   // What a killed one leaves is found there.
   options.environment = {{"TMPDIR", folder_.scratch()}};
   options.output = output.get();
   COMRAD_TRY_ASSIGN(std::unique_ptr<Process> process, processes_.spawn(options));
-  spdlog::info("evaluation {} begins (pid {})", at_text(snapshot), process->pid());
-  current_.emplace(Playing{
-      .snapshot = snapshot, .process = std::move(process), .began_s = clock_.now_s(), .last_line = {}});
+  spdlog::info("{} begins (pid {})", name_of(snapshot, is_video), process->pid());
+  current_.emplace(Playing{.snapshot = snapshot,
+                           .is_video = is_video,
+                           .process = std::move(process),
+                           .began_s = clock_.now_s(),
+                           .last_line = {}});
   return {};
 }
 
@@ -174,9 +194,10 @@ Status Evaluator::start(const Snapshot& snapshot) {
 std::string Evaluator::finish(const ExitStatus& how) {
   for (const std::string& line : current_->process->read_lines()) current_->last_line = line;
   const Snapshot snapshot = current_->snapshot;
+  const bool is_video = current_->is_video;
   Expected<std::string> said = Error{ErrorCode::kPeerLost, ""};
   if (how.signal == 0 && how.code == 0) {
-    said = record();
+    said = is_video ? record_video() : record();
   } else {
     const std::string& words = current_->last_line;
     said = Error{ErrorCode::kPeerLost, how.text() + (words.empty() ? "" : "; its last line: " + words)};
@@ -184,11 +205,18 @@ std::string Evaluator::finish(const ExitStatus& how) {
   current_.reset();
   if (is_stopped_ && !said) return "";  // it was stopped; its checkpoint waits for the next start
   // One that could not be evaluated would fail the next time as well.
-  folder_.remove(snapshot);
-  done_.insert(point_of(snapshot.env_frames));
+  (is_video ? videos_ : scores_).add(snapshot.env_frames);
+  if (!said) videos_.add(snapshot.env_frames);
+  if (!videos_.is_due(snapshot.env_frames)) folder_.remove(snapshot);
   next_look_s_ = 0;
   if (said) return *said;
-  return "the evaluation " + at_text(snapshot) + " failed (" + said.error().message + "); the run continues";
+  return "the " + name_of(snapshot, is_video) + " failed (" + said.error().message + "); the run continues";
+}
+
+Expected<std::string> Evaluator::record_video() {
+  const Snapshot& snapshot = current_->snapshot;
+  COMRAD_TRY_ASSIGN(const std::string kept, folder_.keep_video(snapshot));
+  return "recorded a video " + at_text(snapshot) + ": " + kept;
 }
 
 Expected<std::string> Evaluator::record() {

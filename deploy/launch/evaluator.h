@@ -1,12 +1,13 @@
-// Evaluations beside a run that trains. The learner saves a checkpoint whenever another eval_every_env_frames are
-// passed; `comrad eval --background` plays it, in its own processes and shared memory, while the run continues:
+// Evaluations and videos beside a run that trains. The learner saves a checkpoint whenever another eval_every_env_frames or
+// video_every_env_frames are passed; `comrad eval --background` plays it, in its own processes and shared memory, while the run
+// continues: once for the score, once for the video, whichever is due.
 //
 //   learner ── a line of checkpoint/evaluations.jsonl, then the .pt that it names ──▶ Evaluator
-//   Evaluator ── the .pt ──▶ comrad eval ── one JSON object ──▶ Evaluator
-//   Evaluator ── eval/J ... ──▶ metrics.jsonl and eval/events.out.tfevents.*; the checkpoint is deleted
+//   Evaluator ── the .pt ──▶ comrad eval ── one JSON object, or a GIF ──▶ Evaluator
+//   Evaluator ── eval/J ..., eval/video ──▶ metrics.jsonl, eval/events.out.tfevents.*, videos/; the checkpoint is deleted
 //
 // Requests whose checkpoint exists wait: what a killed run had not played lies there when it is resumed, and what is in
-// metrics.jsonl is not played again. Stage: beside the flow of frames.
+// metrics.jsonl or in videos/ is not played again. Stage: beside the flow of frames.
 #pragma once
 
 #include <cstdint>
@@ -28,6 +29,24 @@ namespace comrad::deploy {
 /// The numbers of an evaluation as metrics have them, from what `comrad eval --json` printed.
 /// Errors: kBadFormat where a number is missing.
 Expected<MetricValues> evaluation_metrics(const std::string& json);
+
+/// The multiples of a number of env frames for which something is played, each once.
+class EvaluationPoints {
+ public:
+  /// `every` 0: none.
+  explicit EvaluationPoints(double every) : every_(every) {}
+  bool is_due(uint64_t env_frames) const {
+    return every_ > 0 && index(env_frames) > 0 && !done_.contains(index(env_frames));
+  }
+  void add(uint64_t env_frames) { done_.insert(index(env_frames)); }
+
+ private:
+  int64_t index(uint64_t env_frames) const {
+    return every_ > 0 ? static_cast<int64_t>(static_cast<double>(env_frames) / every_) : 0;
+  }
+  double every_;
+  std::set<int64_t> done_ = {};
+};
 
 /// One evaluation at a time, the oldest checkpoint first. Threads: the supervisor's.
 class Evaluator {
@@ -58,6 +77,7 @@ class Evaluator {
  private:
   struct Playing {
     Snapshot snapshot;
+    bool is_video = false;
     std::unique_ptr<Process> process;
     double began_s = 0;
     std::string last_line;
@@ -66,14 +86,14 @@ class Evaluator {
   Status start(const Snapshot& snapshot);
   std::string finish(const ExitStatus& how);
   Expected<std::string> record();
-  int64_t point_of(uint64_t env_frames) const;
+  Expected<std::string> record_video();
 
   const LaunchPlan& plan_;
   const Clock& clock_;
   ProcessHost& processes_;
   EvaluationFolder& folder_;
   const bool is_wanted_;
-  std::set<int64_t> done_;         ///< points: multiples of eval_every_env_frames
+  EvaluationPoints scores_, videos_;
   std::vector<Snapshot> waiting_;  ///< oldest first
   std::optional<Playing> current_;
   std::string last_text_;

@@ -6,7 +6,7 @@
 
 --csv writes one row a report: run, scenario, algo, seed, time_s, env_frames, decisions, then every other name that any of the
 runs has (learner/METRICS.md); a cell is empty where a report lacks the name or holds null. --wandb lets the wandb package make
-an offline run of each, which `wandb sync` uploads. What a learner forgot when it went back to a checkpoint is left out, as in plots.
+an offline run of each, with its videos, which `wandb sync` uploads. What a learner forgot when it went back to a checkpoint is left out, as in plots.
 Damaged lines are named. A run without a report is named and left out; exit code 2 where none is left.
 """
 
@@ -16,6 +16,7 @@ import dataclasses
 import math
 import os
 import pathlib
+import re
 import sys
 
 from report_lines import number, one_line, read_reports, read_settings
@@ -30,10 +31,17 @@ class ReportedRun:
     name: str
     settings: dict
     rows: list[tuple[float, float, dict]]
+    folder: pathlib.Path
 
     @property
     def scenario(self) -> str:
         return pathlib.PurePath(self.settings["scenario"]).name
+
+    @property
+    def videos(self) -> list[tuple[int, pathlib.Path]]:
+        """Env frames and file of each video (--video_every_env_frames)."""
+        found = [(re.fullmatch(r"video_(\d+)\.gif", path.name), path) for path in sorted((self.folder / "videos").glob("*"))]
+        return [(int(match[1]), path) for match, path in found if match]
 
 
 def say(text: str) -> None:
@@ -57,7 +65,7 @@ def read_runs(folders: list[pathlib.Path]) -> list[ReportedRun]:
             lines = "lines" if len(damaged) > 1 else "line"
             say(f"{name}: metrics.jsonl: {len(damaged)} damaged {lines} skipped ({lines} {shown})")
         if rows:
-            runs.append(ReportedRun(name, settings, rows))
+            runs.append(ReportedRun(name, settings, rows, folder))
         else:
             say(f"{name}: it has written no report yet; left out")
     return runs
@@ -85,7 +93,7 @@ def write_csv(runs: list[ReportedRun], path: pathlib.Path) -> None:
 
 
 def write_wandb(runs: list[ReportedRun], folder: pathlib.Path, project: str) -> None:
-    """One offline run each: the settings as its config, the reports as its history over env frames."""
+    """One offline run each: the settings as its config, reports and videos as its history over env frames."""
     os.environ.update(
         WANDB_MODE="offline",  # nothing is sent, no login is needed
         WANDB_DIR=str(folder),
@@ -115,6 +123,8 @@ def write_wandb(runs: list[ReportedRun], folder: pathlib.Path, project: str) -> 
         made.define_metric("*", step_metric="env_frames")
         for _, _, report in run.rows:
             made.log(numbers_of(report))
+        for frames, video in run.videos:
+            made.log({"env_frames": frames, "eval/video": wandb.Video(str(video))})
         made_in = made.dir  # <offline run>/files
         made.finish()
         print(pathlib.Path(made_in).parent)

@@ -186,7 +186,8 @@ Status make_maps(StartPlan& plan, const std::string& run_dir) {
     }
     COMRAD_TRY(write_layout_list(run_dir, plan.layout_list));
   }
-  if (config.run.eval_every_env_frames <= 0 || config.run.eval_maps != EvalMaps::kHeldOut) return {};
+  const bool is_evaluated = config.run.eval_every_env_frames > 0 || config.run.video_every_env_frames > 0;
+  if (!is_evaluated || config.run.eval_maps != EvalMaps::kHeldOut) return {};
   // Once, and before the run needs all cores.
   RunConfig evaluated = config;
   evaluated.environment.layout_pool = kHeldOutPool;

@@ -42,7 +42,8 @@ CheckpointKeeper::CheckpointKeeper(const RunConfig& config, const std::string& r
       store_(folder_, config.run.keep_checkpoints),
       milestone_seconds_(config.run.save_milestones_sec),
       milestone_frames_(config.run.save_milestones_env_frames),
-      evaluation_frames_(config.run.eval_every_env_frames) {}
+      evaluation_frames_(config.run.eval_every_env_frames),
+      video_frames_(config.run.video_every_env_frames) {}
 
 Expected<std::optional<CheckpointKeeper::Found>> CheckpointKeeper::find(bool is_reader) {
   std::vector<std::string> candidates;
@@ -74,6 +75,7 @@ Status CheckpointKeeper::resumed_from(const Found& found, PolicyVersion version,
   milestone_seconds_.start_from(totals_.train_seconds());
   milestone_frames_.start_from(env_frames);
   evaluation_frames_.start_from(env_frames);
+  video_frames_.start_from(env_frames);
   if (!is_own) return {};
   if (found.state.has(kEpisodesKey)) return restore_episodes(found);
   // Before there was a window in checkpoints, the luckiest ten episodes made a best one.
@@ -190,7 +192,8 @@ void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t request) {
   const bool is_milestone = milestone_seconds_.pass(seconds);
   if (milestone_frames_.pass(env_frames) || is_milestone)
     save_beside(checkpoint_file_name("milestone", version, totals_.env_frames));
-  if (evaluation_frames_.pass(env_frames)) save_to_evaluate(version);
+  const bool is_recorded = video_frames_.pass(env_frames);
+  if (evaluation_frames_.pass(env_frames) || is_recorded) save_to_evaluate(version);
   if (last_save_s_ == 0) last_save_s_ = last_best_look_s_ = now_s;
   const bool is_wanted = std::exchange(request_done_, request) != request;
   if (is_wanted || (now_s - last_save_s_ >= config_.run.save_every_sec && !is_settled(version)))

@@ -103,7 +103,7 @@ class CheckpointKeeper {
   uint32_t request_done_ = 0, failures_ = 0;
   double last_save_s_ = 0, last_best_look_s_ = 0;
   std::optional<double> best_score_;
-  Milestones milestone_seconds_, milestone_frames_, evaluation_frames_;
+  Milestones milestone_seconds_, milestone_frames_, evaluation_frames_, video_frames_;
   bool reported_no_best_ = false;
 };
 

@@ -145,6 +145,26 @@ Status EventFile::write(double wall_time_s, int64_t step,
   return write_all(descriptor_, frame_record(event.SerializeAsString()), path_);
 }
 
+Status EventFile::write_gif(double wall_time_s, int64_t step, const std::string& tag,
+                            const std::string& gif) {
+  constexpr std::size_t kHeadBytes = 10;  // "GIF89a", then width and height, u16 LE each
+  if (gif.size() < kHeadBytes || !gif.starts_with("GIF8"))
+    return Error{ErrorCode::kBadFormat, "the video " + tag + " is no GIF"};
+  const auto u16 = [&gif](std::size_t at) {
+    return static_cast<uint8_t>(gif[at]) | static_cast<uint8_t>(gif[at + 1]) << 8;
+  };
+  tensorboard::Event event;
+  event.set_wall_time(wall_time_s);
+  event.set_step(step);
+  tensorboard::Summary::Value* entry = event.mutable_summary()->add_value();
+  entry->set_tag(tag);
+  entry->mutable_image()->set_width(u16(6));
+  entry->mutable_image()->set_height(u16(8));
+  entry->mutable_image()->set_colorspace(3);
+  entry->mutable_image()->set_encoded_image_string(gif);
+  return write_all(descriptor_, frame_record(event.SerializeAsString()), path_);
+}
+
 Status EventFile::write_hparams(double wall_time_s, const std::vector<Hparam>& settings,
                                 const std::vector<HparamMetric>& metrics) {
   for (const tensorboard::Event& event :

@@ -1,4 +1,4 @@
-// A TensorBoard event file: scalars over steps and the settings of a run, framed records with masked CRC32C. Stage: beside
+// A TensorBoard event file: scalars and videos over steps and the settings of a run, framed records with masked CRC32C. Stage: beside
 // update, for eyes.
 #pragma once
 
@@ -48,6 +48,8 @@ class EventFile {
   Status write_start(double wall_time_s, int64_t step);
   /// Adds one event with all `values` at `step`. Errors: kSystem, kNoSpace.
   Status write(double wall_time_s, int64_t step, const std::vector<std::pair<std::string, double>>& values);
+  /// Adds one event with a video, the bytes of a GIF file. Errors: kBadFormat where they are none; kSystem, kNoSpace.
+  Status write_gif(double wall_time_s, int64_t step, const std::string& tag, const std::string& gif);
   /// Adds the row of this run to the HPARAMS page, and the page's columns. TensorBoard names the row by the
   /// file's folder. Before the first write(). Errors: kSystem, kNoSpace.
   Status write_hparams(double wall_time_s, const std::vector<Hparam>& settings,

@@ -192,7 +192,7 @@ const std::vector<MetricGroup>& metric_groups() {
       {"The system", "", kTheSystem},
       {"Evaluations (`--eval_every_env_frames`)",
        "Separate lines, whose `env_frames` and `time_s` are the checkpoint's; in TensorBoard the run "
-       "`<run>/eval`. The supervisor writes them.",
+       "`<run>/eval`, with `eval/video`, a GIF (`--video_every_env_frames`). The supervisor writes them.",
        kEvaluations},
       {"Curricula (`--layout_pool`)",
        "`position` belongs to `sequential`, the next two to `learning_progress` and `omni`, the last three "

@@ -105,4 +105,8 @@ Status MetricsWriter::write(double time_s, uint64_t env_frames, uint64_t decisio
   return events_.write(wall_s(), static_cast<int64_t>(env_frames), finite);
 }
 
+Status MetricsWriter::write_gif(uint64_t env_frames, const std::string& tag, const std::string& gif) {
+  return events_.write_gif(wall_s(), static_cast<int64_t>(env_frames), tag, gif);
+}
+
 }  // namespace comrad

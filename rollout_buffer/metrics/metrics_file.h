@@ -47,6 +47,9 @@ class MetricsWriter {
   /// appended by one call, so that two writers do not mix theirs. Errors: kSystem, kNoSpace.
   Status write(double time_s, uint64_t env_frames, uint64_t decisions, const MetricValues& values);
 
+  /// Puts a video, the bytes of a GIF file, into the event file. Errors: as EventFile::write_gif.
+  Status write_gif(uint64_t env_frames, const std::string& tag, const std::string& gif);
+
  private:
   MetricsWriter(int descriptor, std::string path, EventFile events)
       : descriptor_(descriptor), path_(std::move(path)), events_(std::move(events)) {}

@@ -50,6 +50,9 @@ TEST(BadInput, AWrongValueNamesTheSettingAndItsRange) {
   const Ending range = refused(scratch, {"--rnn_type", "transformer"});
   EXPECT_EQ(range.exit_code, kExitBadInput);
   EXPECT_THAT(range.err, AllOf(HasSubstr("rnn_type"), HasSubstr("gru"), HasSubstr("lstm")));
+  const Ending video = refused(scratch, {"--film_every_env_frames", "-1"});
+  EXPECT_EQ(video.exit_code, kExitBadInput);
+  EXPECT_THAT(video.err, HasSubstr("video_every_env_frames"));
   const Ending encoder = refused(scratch, {"--encoder", "vit"});
   EXPECT_EQ(encoder.exit_code, kExitBadInput);
   EXPECT_THAT(encoder.err, HasSubstr("error: encoder is vit; it must be one of simple"));

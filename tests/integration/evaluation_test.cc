@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "tests/integration/running_program.h"
+#include "tests/support/gif_seconds.h"
 
 namespace comrad::test {
 namespace evaluation_test {
@@ -351,6 +352,33 @@ TEST(EvaluationWhileTraining, EveryPointOnceAndTheLastOneToo) {
   const Ending milestone = comrad({"eval", "--policy", run, "--checkpoint",
                                    files(run + "/checkpoint", "milestone_")[0], "--episodes", "1", "--json"});
   EXPECT_EQ(milestone.exit_code, 0) << milestone.err;
+}
+
+TEST(EvaluationWhileTraining, VideosShowThePolicyAndAResumedRunContinuesThem) {
+  const ScratchFolder scratch;
+  const std::string run = scratch / "run";
+  const auto train = [&](double env_frames) {
+    const Ending ending =
+        RunningProgram(small_training(scratch, "run", env_frames, {"--video_every_env_frames", "4096"}))
+            .wait(kBackgroundSeconds);
+    EXPECT_EQ(ending.exit_code, 0) << ending.err;
+    return ending.err;
+  };
+  EXPECT_THAT(train(4096), HasSubstr("recorded a video at 4."));
+  const std::vector<std::string> first = files(run + "/videos", "video_");
+  ASSERT_THAT(first, SizeIs(1));
+  // An untrained team survives some 640 tics, 18 s; the last picture stands for a second.
+  EXPECT_NEAR(gif_seconds(first[0]), 19, 1.5);
+  const std::vector<std::string> events = files(run + "/eval", "events.out.tfevents.");
+  ASSERT_THAT(events, SizeIs(1));
+  EXPECT_THAT(read_text(events[0]), AllOf(HasSubstr("eval/video"), HasSubstr(read_text(first[0]))));
+  EXPECT_THAT(evaluations(run), IsEmpty()) << "no score was requested";
+  EXPECT_THAT(files(run + "/checkpoint", "evaluate_"), IsEmpty());
+
+  EXPECT_THAT(train(8192), AllOf(HasSubstr("recorded a video at 8."), Not(HasSubstr("video at 4."))));
+  EXPECT_THAT(files(run + "/videos", "video_"), SizeIs(2));
+  EXPECT_FALSE(fs::exists(run + "/.evaluation"));
+  EXPECT_TRUE(processes_of(run).empty());
 }
 
 TEST(EvaluationWhileTraining, NothingIsLeftWhenTheRunIsKilled) {

@@ -209,8 +209,10 @@ TEST_F(Export, GivesWandbTheSettingsAndTheReportsOfEachRun) {
   make_run("one", 1, 10,
            R"({"time_s": 95, "env_frames": 9500, "decisions": 2375, "eval/J": 140, "eval/J_share": null})"
            "\n");
+  folder_.write("one/videos/video_000000009500.gif", "GIF89a");
   folder_.write("stand_in/wandb.py", R"(
 import json, os, pathlib
+def Video(path): return "video " + pathlib.Path(path).name
 class Run:
     def __init__(self, **words):
         self.calls = {"init": words, "mode": os.environ["WANDB_MODE"], "define": [], "log": []}
@@ -234,16 +236,19 @@ def init(**words): return Run(**words)
   EXPECT_EQ(told["init"]["group"], "lava_pit");
   EXPECT_EQ(told["init"]["config"]["algo"], "ippo");
   EXPECT_EQ(told["define"][1], (nlohmann::json{"*", "env_frames"}));
-  ASSERT_EQ(told["log"].size(), 11u);
+  ASSERT_EQ(told["log"].size(), 12u);
   EXPECT_EQ(told["log"][1]["env_frames"], 1000);
   EXPECT_EQ(told["log"][10]["eval/J"], 140);
   EXPECT_FALSE(told["log"][10].contains("eval/J_share")) << "it is null";
+  EXPECT_EQ(told["log"][11],
+            (nlohmann::json{{"env_frames", 9500}, {"eval/video", "video video_000000009500.gif"}}));
 }
 
 TEST_F(Export, WandbItselfMakesAnOfflineRun) {
   const Expected<std::string> python = test::python_with("wandb");
   if (!python) GTEST_SKIP() << python.error().message;
   make_run("one", 1, 10);
+  folder_.write("one/videos/video_000000009500.gif", "GIF89a");
   const std::string bin = std::filesystem::path(*python).parent_path().string();
   const Ending done = exported({"one", "--wandb", path("w")},
                                {{"PATH", bin + ":" + std::getenv("PATH")}, {"HOME", path("home")}});
@@ -255,6 +260,7 @@ TEST_F(Export, WandbItselfMakesAnOfflineRun) {
     if (entry.path().extension() == ".wandb") run = read_text(entry.path());
   for (const char* part : {"lava_pit", "train/entropy", "policy_stats/avg_true_objective"})
     EXPECT_THAT(run, HasSubstr(part));
+  EXPECT_THAT(files((made / "files/media/videos/eval").string(), "video_"), ::testing::SizeIs(1));
 }
 
 }  // namespace plot_test

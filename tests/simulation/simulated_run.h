@@ -60,6 +60,8 @@ class SimulatedFolder final : public deploy::EvaluationFolder {
   void remove(const deploy::Snapshot& snapshot) override;
   std::vector<uint64_t> recorded() override { return {}; }
   Status record(const deploy::Snapshot& snapshot, uint64_t decisions, const MetricValues& values) override;
+  std::vector<uint64_t> recorded_videos() override { return {}; }
+  Expected<std::string> keep_video(const deploy::Snapshot&) override { return std::string("video"); }
   Expected<Descriptor> open_scratch() override { return Descriptor(); }
   std::string scratch() const override { return "scratch"; }
   std::string result() override;

@@ -18,6 +18,7 @@
 namespace comrad::deploy {
 namespace evaluator_test {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -149,6 +150,39 @@ TEST_F(EvaluatorTest, NoPointIsPlayedTwiceWhateverIsKilled) {
   ASSERT_EQ(reports.size(), 2u);
   EXPECT_EQ(reports[0]["env_frames"], 1024);
   EXPECT_EQ(reports[1]["env_frames"], 2004);
+  EXPECT_THAT(waiting(), IsEmpty());
+}
+
+TEST_F(EvaluatorTest, ADueVideoIsRecordedBehindTheScoreAndKept) {
+  plan_.config.run.video_every_env_frames = 2000;
+  // `comrad eval` writes the file behind --save_video.
+  comrad_says(
+      "echo \"$@\" >>'" + asked() + "'; cat <<X\n" + kResult +
+      "\nX\nwhile [ $# -gt 1 ]; do if [ $1 = --save_video ]; then printf 'GIF89a\\002\\000\\001\\000' "
+      ">$2; fi; shift; done");
+  {
+    Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
+    save(3, 1024);
+    EXPECT_EQ(run_out(evaluator).size(), 1u) << "no video is due";
+    save(4, 2048);
+    const std::vector<std::string> words = run_out(evaluator);
+    ASSERT_EQ(words.size(), 2u);
+    EXPECT_THAT(words[0], HasSubstr("evaluated at 2k"));
+    EXPECT_THAT(words[1],
+                AllOf(HasSubstr("recorded a video at 2k"), HasSubstr("/videos/video_000000002048.gif")));
+    EXPECT_THAT(waiting(), IsEmpty());
+    EXPECT_THAT(read_file(asked()).value_or(""),
+                AllOf(HasSubstr("--episodes 1 "), HasSubstr("--size 320x180 --seconds 20")));
+  }
+  // Another life of the run records no point twice; a video that fails costs itself alone.
+  plan_.config.run.eval_every_env_frames = 0;
+  comrad_says(std::string("cat <<X\n") + kResult + "\nX");
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
+  save(5, 3000);
+  EXPECT_THAT(run_out(evaluator), IsEmpty());
+  save(6, 4000);
+  EXPECT_THAT(run_out(evaluator), ElementsAre(AllOf(HasSubstr("the video at 4k env frames failed"),
+                                                    HasSubstr("is no GIF"), HasSubstr("run continues"))));
   EXPECT_THAT(waiting(), IsEmpty());
 }
 

@@ -112,5 +112,17 @@ TEST_F(CheckpointKeeperTest, WhatIsToBeEvaluatedIsSavedOnceAPoint) {
   EXPECT_EQ(saved("evaluate_").size(), 3u);
 }
 
+TEST_F(CheckpointKeeperTest, ScoreAndVideoOfOnePointShareACheckpoint) {
+  config_.run.eval_every_env_frames = 1000;
+  config_.run.video_every_env_frames = 1500;
+  CheckpointKeeper made = keeper();
+  for (uint64_t version = 1; version <= 6; ++version) {
+    totals_.env_frames = 500 * version;
+    made.save_if_due(version, 0);
+  }
+  EXPECT_THAT(saved("evaluate_"), ElementsAre("evaluate_000000002_1000.pt", "evaluate_000000003_1500.pt",
+                                              "evaluate_000000004_2000.pt", "evaluate_000000006_3000.pt"));
+}
+
 }  // namespace checkpoint_keeper_test
 }  // namespace comrad::learn

@@ -140,6 +140,9 @@ TEST_F(MetricsFileTest, AZeroIsOnTheWire) {
   EXPECT_TRUE(events[1].summary().value(0).has_simple_value()) << "TensorBoard drops a point without a value";
 }
 
+/// The head of a GIF of 258 x 3 pixels.
+const std::string kGif("GIF89a\x02\x01\x03\x00", 10);
+
 /// A run that learned from few frames, as a learner and an evaluation write it.
 void write_run(const fs::path& run, const char* algo, int64_t seed, double score) {
   RunConfig config;
@@ -157,6 +160,7 @@ void write_run(const fs::path& run, const char* algo, int64_t seed, double score
   Expected<MetricsWriter> evaluations = MetricsWriter::open(run.string(), (run / "eval").string());
   ASSERT_TRUE(evaluations) << evaluations.error().message;
   ASSERT_TRUE(evaluations->write(1, 100, 25, {{"eval/J", score + 1}}));
+  ASSERT_TRUE(evaluations->write_gif(100, "eval/video", kGif));
 }
 
 TEST_F(MetricsFileTest, TheSettingsOfARunAreARowOfTheHparamsPage) {
@@ -217,6 +221,10 @@ scalars = provider.read_scalars(request, experiment_id="", plugin_name="scalars"
 lr, steps = scalars["one"]["train/lr"][0], scalars["one"]["train/num_sgd_steps"][0]
 assert (lr.step, round(lr.value, 6)) == (100, 3e-4) and steps.value == 0, (lr, steps)
 assert scalars["two/eval"]["eval/J"][0].value == 10
+videos = provider.read_blob_sequences(request, experiment_id="", plugin_name="images", downsample=10)
+(video,) = videos["two/eval"]["eval/video"]
+width, height, gif = [provider.read_blob(request, blob_key=one.blob_key) for one in video.values]
+assert (video.step, width, height, gif[:6]) == (100, b"258", b"3", b"GIF89a"), (video, width, height, gif)
 
 backend = backend_context.Context(base_plugin.TBContext(data_provider=provider))
 written = backend.hparams_metadata(request, "")
@@ -278,6 +286,16 @@ TEST_F(MetricsFileTest, ClosesAHalfLineOfACrashBeforeItAppends) {
   }
   EXPECT_EQ(count, 3);
   EXPECT_EQ(nlohmann::json::parse(last)["time_s"], 3.0);
+}
+
+TEST_F(MetricsFileTest, RefusesAVideoThatIsNone) {
+  Expected<MetricsWriter> writer = MetricsWriter::open(folder_.string());
+  ASSERT_TRUE(writer);
+  for (const char* bytes : {"", "GIF89a", "a video that is none"}) {
+    const Status written = writer->write_gif(1, "eval/video", bytes);
+    ASSERT_FALSE(written) << bytes;
+    EXPECT_EQ(written.error().message, "the video eval/video is no GIF");
+  }
 }
 
 TEST_F(MetricsFileTest, AMissingFolderIsAClearError) {
