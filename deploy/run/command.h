@@ -37,6 +37,8 @@ int play_command(Arguments arguments);
 int plot_command(Arguments arguments);
 int report_command(Arguments arguments);
 int export_command(Arguments arguments);
+int pack_policies_command(Arguments arguments);
+int fetch_policies_command(Arguments arguments);
 int bench_command(Arguments arguments);
 int tune_command(Arguments arguments);
 int sweep_command(Arguments arguments);

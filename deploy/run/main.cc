@@ -29,6 +29,12 @@ const std::vector<Command>& commands() {
        plot_command},
       {"report", "report on a folder of runs: one HTML page, Markdown, LaTeX, CSV", report_command},
       {"export", "hand the reports of runs to other programs: CSV, Weights & Biases", export_command},
+      {"pack-policies", "put the best checkpoint of each scenario of finished sweeps into one archive",
+       pack_policies_command},
+      {"fetch-policies",
+       "put kept policies of such an archive into run directories",
+       fetch_policies_command,
+       {kAnyScenario}},
       {"sweep", "make many runs from one file, here or with Slurm; look at them, stop them", sweep_command},
       {"top", "watch the runs of this host: rates, lag, queues, workers", top_command},
       {"ctl",
@@ -44,7 +50,7 @@ const std::vector<Command>& commands() {
       {"config", "print the settings that train would use, and the layer that each came from",
        config_command},
       {"scenarios",
-       "list the scenarios, describe one, or draw what agents see (--gallery DIR)",
+       "list the scenarios, describe one, draw what agents see (--gallery DIR) or their pages (--pages DIR)",
        scenarios_command,
        {"list", "describe", kAnyScenario}},
       {"doomgen",
@@ -87,8 +93,8 @@ void print_overview(FILE* to) {
                "COMRAD: cooperative first-person Doom scenarios and the system that trains on them.\n\n"
                "usage: comrad <command> [flags]\n\n");
   for (const Command& command : commands())
-    std::fprintf(to, "  %-11s %s\n", command.name.c_str(), command.summary.c_str());
-  std::fprintf(to, "  %-11s %s\n  %-11s %s\n\n", "help",
+    std::fprintf(to, "  %-15s %s\n", command.name.c_str(), command.summary.c_str());
+  std::fprintf(to, "  %-15s %s\n  %-15s %s\n\n", "help",
                "this overview, one command (comrad help train), or a run's numbers (comrad help metrics)",
                "version", "what was built");
   std::fprintf(to, "First steps: comrad doctor; comrad train --scenario coop_health_gathering --algo ippo\n");

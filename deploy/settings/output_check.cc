@@ -40,7 +40,8 @@ Expected<std::string> check_output_file(const std::string& flag, const std::stri
                                         const std::vector<std::string>& extensions) {
   std::error_code error;
   const fs::path path = fs::absolute(value, error).lexically_normal();
-  if (std::ranges::find(extensions, lower_case(path.extension().string())) == extensions.end())
+  const std::string name = lower_case(path.filename().string());
+  if (std::ranges::none_of(extensions, [&](const std::string& end) { return name.ends_with(end); }))
     return bad_value(flag, value, "the name must end in one of " + joined(extensions));
   if (fs::is_directory(path, error)) return bad_value(flag, value, "a folder of that name is there");
   COMRAD_TRY(check_output_folder(flag, value, path.parent_path().string()));

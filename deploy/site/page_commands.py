@@ -15,6 +15,8 @@ NEEDS = {
     "plot": "a trained run",
     "report": "trained runs",
     "export": "trained runs",
+    "pack-policies": "finished sweeps",
+    "fetch-policies": "an archive of policies",
     "ctl": "a run that is alive",
     "acs": "a script",
     "join": "another host",

@@ -255,6 +255,19 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
   return write_file_atomically(path, {bytes.data(), bytes.size()}, /*durable=*/true);
 }
 
+Status write_without_moments(const std::string& from, const std::string& to) {
+  COMRAD_TRY_ASSIGN(const StateDict whole, read_checkpoint(from));
+  StateDict kept;
+  for (const auto& [key, value] : whole.values()) {
+    const auto* const tensor = std::get_if<torch::Tensor>(&value);
+    if (tensor != nullptr && key.starts_with("optimizer/"))
+      kept.put(key, torch::zeros_like(*tensor));
+    else
+      std::visit([&](const auto& same) { kept.put(key, same); }, value);
+  }
+  return write_checkpoint(to, kept);
+}
+
 Expected<StateDict> read_checkpoint(const std::string& path) {
   // Not to wait for the writer of a pipe that lies there under a checkpoint's name.
   const Descriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));

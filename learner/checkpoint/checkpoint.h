@@ -57,6 +57,10 @@ Status write_checkpoint(const std::string& path, const StateDict& state);
 /// Errors: kNotFound; kBadFormat for a truncated or foreign file; kUnsupported for a newer version.
 Expected<StateDict> read_checkpoint(const std::string& path);
 
+/// Writes the checkpoint at `from` to `to` with an optimizer that has made no step, whose zeros an archive packs small: to be
+/// played. Errors: as read_checkpoint and write_checkpoint.
+Status write_without_moments(const std::string& from, const std::string& to);
+
 /// One periodic checkpoint on disk.
 struct CheckpointFile {
   std::string path;

@@ -2,9 +2,12 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <memory>
 #include <string>
+#include <string_view>
 
+#include "learner/checkpoint/checkpoint.h"
 #include "learner/ranks/rank_group.h"
 #include "learner/ranks/rank_processes.h"
 #include "learner/worker/bench.h"
@@ -13,6 +16,7 @@
 #include "learner/worker/seat_server.h"
 #include "policy_workers/device/cpu_tuning.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/worker_shell.h"
 
@@ -69,6 +73,11 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc == 4 && std::string_view(argv[1]) == "--without_moments") {  // comrad pack-policies
+    const Status written = learn::write_without_moments(argv[2], argv[3]);
+    if (!written) std::fprintf(stderr, "comrad-learner: error: %s\n", written.error().message.c_str());
+    return written ? 0 : exit_code(written.error());
+  }
   shm::WorkerShell shell({.name = "comrad-learner",
                           .role = "learner",
                           .description = "Trains the policy of one run; normally started by `comrad train`.",

@@ -292,6 +292,53 @@ TEST_F(EvaluationOfRuns, RewardsInStagesAreNotWhatIsScored) {
                  {"--reward=health_lost=-1@0,-2@1e6", "give each term one number"});
 }
 
+// A sweep's folder with the runs of this suite and what their evaluations kept.
+TEST_F(EvaluationOfRuns, TheBestPolicyIsPackedFetchedAndPlaysAsBefore) {
+  const std::string kept = *scratch_ / "kept", archive = *scratch_ / "policies.tar.gz",
+                    fetched = *scratch_ / "fetched", name = "coop_health_gathering";
+  const Environment from = {{"COMRAD_POLICIES", archive}};
+  const auto fetch = [&](std::vector<std::string> words, const Environment& environment) {
+    words.insert(words.begin(), {"fetch-policies", "--train_dir", fetched});
+    return comrad(words, environment);
+  };
+  const auto pack = [&] { return comrad({"pack-policies", scratch_->string(), "--output", archive}); };
+  EXPECT_THAT(pack().err, HasSubstr("is no folder of a sweep"));
+  scratch_->write("sweep.json", nlohmann::json{{"results", {{"folder", kept}}}}.dump());
+  EXPECT_THAT(pack().err, HasSubstr("no run there has a checkpoint and a result"));
+  for (const auto& [run, score] : {std::pair{"a", 650.5}, {"b", 700.25}})
+    scratch_->write(std::string("kept/") + run + "/result.json",
+                    nlohmann::json{{"J_mean", score}, {"stale", ""}, {"algo", "mappo"}, {"seed", 2}}.dump());
+  const Ending packed = pack();
+  ASSERT_EQ(packed.exit_code, 0) << packed.err;
+  EXPECT_THAT(packed.out, HasSubstr(name + ": b, J 700.2"));
+  EXPECT_LT(fs::file_size(archive), fs::file_size(checkpoint("b")) / 2) << "moments were kept";
+
+  for (int time = 0; time < 2; ++time) {  // what is there already stays
+    const Ending done = fetch({}, from);
+    ASSERT_EQ(done.exit_code, 0) << done.err;
+    EXPECT_THAT(done.out, HasSubstr("mappo, seed 2, J 700.2"));
+  }
+  EXPECT_EQ(play({"--policy", "policy_" + name, "--train_dir", fetched})["each"],
+            play({"--policy", run("b")})["each"]);
+
+  for (const auto& [ending, message] : std::vector<std::pair<Ending, std::string>>{
+           {fetch({}, {{"COMRAD_POLICIES", ""}}), "COMRAD_POLICIES is not set"},
+           {fetch({}, {{"COMRAD_POLICIES", run("a")}}), "has no policies.json"},
+           {fetch({}, {{"COMRAD_POLICIES", checkpoint("a")}}), "is no whole .tar.gz"},
+           {fetch({"lava_pit"}, from), "there is no policy of lava_pit; there are " + name}}) {
+    EXPECT_EQ(ending.exit_code, 2) << message;
+    EXPECT_THAT(ending.err, HasSubstr(message));
+    EXPECT_EQ(std::ranges::count(ending.err, '\n'), 1) << ending.err;
+  }
+  // Unpacked, and damaged.
+  const std::string unpacked = *scratch_ / "unpacked";
+  fs::create_directory(unpacked);
+  ASSERT_EQ(RunningProgram({"/bin/tar", "-xzf", archive, "-C", unpacked}).wait().exit_code, 0);
+  std::ofstream(unpacked + "/" + name + "/config.toml", std::ios::app) << "#";
+  EXPECT_THAT(fetch({name}, {{"COMRAD_POLICIES", unpacked}}).err,
+              HasSubstr(name + "/config.toml is damaged: its SHA-256"));
+}
+
 TEST_F(EvaluationOfRuns, RunsOfAnotherGameAreRefusedByName) {
   const std::string larger = copy_with("larger", "num_agents", "3"),
                     elsewhere = copy_with("elsewhere", "scenario", "\"lava_pit\""),

@@ -57,6 +57,19 @@ TEST_F(CheckpointTest, KeepsTheValuesOfTheMomentItWasTaken) {
   EXPECT_EQ((*state.tensor("network/weight"))[0].item<float>(), 1);
 }
 
+TEST_F(CheckpointTest, WithoutMomentsAllElseIsAsItWas) {
+  StateDict state = sample_state();
+  state.put("optimizer/0.exp_avg", torch::ones({3}));
+  ASSERT_TRUE(write_checkpoint(path("whole.pt"), state));
+  ASSERT_TRUE(write_without_moments(path("whole.pt"), path("kept.pt")));
+  const Expected<StateDict> kept = read_checkpoint(path("kept.pt"));
+  ASSERT_TRUE(kept) << kept.error().message;
+  EXPECT_EQ(kept->tensor("optimizer/0.exp_avg")->count_nonzero().item<int64_t>(), 0);
+  EXPECT_EQ(kept->values().size(), state.values().size());
+  EXPECT_TRUE(torch::equal(*kept->tensor("network/weight"), *state.tensor("network/weight")));
+  EXPECT_EQ(*kept->integer("counters/env_frames"), int64_t{1} << 40);
+}
+
 TEST_F(CheckpointTest, NamesAMissingOrMisshapenTensor) {
   const StateDict state = sample_state();
   EXPECT_NE(state.tensor("network/nothing").error().message.find("network/nothing"), std::string::npos);
