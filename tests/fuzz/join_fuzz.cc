@@ -160,7 +160,7 @@ void ask_at_the_door(std::string_view bytes) {
   require(answer.ends_with('\n') && answer.find('\n') == answer.size() - 1 && orders <= 1);
   const std::string page =
       deploy::http_answer(bytes, deploy::metrics_rules([] { return std::string("page"); }));
-  require(page.starts_with("HTTP/1.1 "));
+  require(page.starts_with("HTTP/1.1 ") || page.starts_with("HTTP/1.0 "));
 }
 
 }  // namespace
