@@ -7,6 +7,7 @@ tests of the folder.
 
 import dataclasses
 import functools
+import json
 import math
 import os
 import pathlib
@@ -25,6 +26,7 @@ ALGORITHMS = ON_POLICY + OFF_POLICY
 ALPHA = 0.01  # of a run against random play
 ALPHA_FINDING = 0.05  # of a difference between algorithms, over seeds
 RANDOM = "random_"  # random_<scenario>.json
+HEAD_BYTES_MAX = 1 << 20  # of a kept episode
 SECTION_BEGIN, SECTION_END = "<!-- results -->", "<!-- end of results -->"  # in a scenario's page
 PICTURE, AGGREGATES, EACH_RUN = "curves.png", "aggregates.png", "runs.csv"
 # At the width of a page, 8.4 inches, this is the size of the text around it.
@@ -305,6 +307,27 @@ def findings_lines(kept: Kept) -> list[str]:
     return lines
 
 
+def people_table(folder: pathlib.Path, study: Study, kept: Kept) -> Table:
+    """Scores of the episodes that people played (`comrad play --save` into a folder beside the results), by scenario and team."""
+    scores: dict[tuple[str, str], list[float]] = {}
+    for path in sorted(folder.glob("*/*.comrad")):
+        try:
+            with open(path, "rb") as file:
+                head = json.loads(file.readline(HEAD_BYTES_MAX))
+            score, team = float(head["score"]), head["policy"]
+            if "person" in team and math.isfinite(score):
+                scores.setdefault((head["scenario"], team), []).append(score)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            kept.problems.append(f"{path.relative_to(folder)}: no episode of comrad play ({type(error).__name__})")
+    table = Table(["scenario", "team", "episodes", "J", "random", "scripted"], [], numbers_from=2)
+    for (scenario, team), values in sorted(scores.items()):
+        random, reference = kept.random_play.get(scenario), study.references.get(scenario)
+        text = score_text(np.array(values)) if len(values) > 1 else rounded(values[0])
+        random_text = "" if random is None else rounded(float(random.mean()), 3)
+        table.rows.append([scenario.replace("_", " "), team, str(len(values)), text, random_text, rounded(reference.scripted, 3) if reference else ""])
+    return table
+
+
 def p_text(p: float) -> str:
     return "" if math.isnan(p) else "<1e-9" if p < 1e-9 else f"{p:.2g}"
 
@@ -471,6 +494,9 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
             "",
             as_markdown(beside),
         ]
+    people = people_table(folder, study, kept)
+    lines += ["## People", ""]
+    lines += [as_markdown(people)] if people.rows else [f"No episode is kept yet: `comrad play SCENARIO --save {folder}/people` keeps some.", ""]
     lines += ["## Findings", "", f"The strongest algorithm of each side is compared over seeds (Welch, p < {ALPHA_FINDING}).", ""]
     lines += findings_lines(kept) + [""]
     names = {row.run.name for row in kept.rows}

@@ -223,6 +223,8 @@ void LivePage::obey(int seat, const json& command) {
   } else if (order == "size") {
     if (command.contains("width") && command.contains("height"))
       session_->tell({{"do", "size"}, {"width", command["width"]}, {"height", command["height"]}});
+  } else if (order == "renderer" && !is_play()) {
+    session_->tell({{"do", "renderer"}, {"name", word_of(command, "name")}});
   } else if (order == "play" && !is_play()) {
     PageChoice choice{
         .policy = command.value("policy", json(0)).is_number_integer() ? command.value("policy", 0) : 0,

@@ -69,7 +69,8 @@ LiveView::LiveView(const LiveViewOptions& options, const EnvironmentOptions& env
     : options_(options),
       environments_(environments),
       link_(std::move(link)),
-      is_stopping_(std::move(is_stopping)) {
+      is_stopping_(std::move(is_stopping)),
+      wanted_look_{options.size, environments.renderer} {
   for (const int agent : options.people) {
     Person& person = people_[agent];
     person.held.resize(first.spec.heads.size());
@@ -87,15 +88,15 @@ Expected<std::unique_ptr<LiveView>> LiveView::create(const LiveViewOptions& opti
                                              std::to_string(first.num_agents)};
   std::unique_ptr<LiveView> view(
       new LiveView(options, environments, first, std::move(link), std::move(is_stopping)));
-  COMRAD_TRY(view->make_renderer_of(first));
+  COMRAD_TRY(view->make_renderer_of(first, view->wanted_look_));
   return view;
 }
 
-Status LiveView::make_renderer_of(const DoomGame& game) {
-  COMRAD_TRY_ASSIGN(renderer_,
-                    make_renderer(game, environments_.wads(), options_.size, environments_.renderer));
+Status LiveView::make_renderer_of(const DoomGame& game, const Look& look) {
+  COMRAD_TRY_ASSIGN(renderer_, make_renderer(game, environments_.wads(), look.size, look.renderer));
   views_.assign(static_cast<std::size_t>(game.num_agents),
-                std::vector<uint8_t>(std::size_t{3} * options_.size.width * options_.size.height));
+                std::vector<uint8_t>(std::size_t{3} * look.size.width * look.size.height));
+  look_ = look;
   return {};
 }
 
@@ -126,8 +127,15 @@ void LiveView::obey(const json& command) {
   } else if (order == "size") {
     const double width = number("width", 0), height = number("height", 0);
     if (width >= kWidthMin && width <= kWidthMax && height >= kHeightMin && height <= kHeightMax) {
-      options_.size = {static_cast<int>(width), static_cast<int>(height)};
-      is_resized_ = true;
+      wanted_look_.size = {static_cast<int>(width), static_cast<int>(height)};
+      is_look_new_ = true;
+    }
+  } else if (order == "renderer") {
+    const auto& words = Words<RendererKind>::words;
+    const auto found = std::ranges::find(words, word("name"));
+    if (found != words.end()) {
+      wanted_look_.renderer = static_cast<RendererKind>(found - words.begin());
+      is_look_new_ = true;
     }
   } else if (order == "press") {
     const auto person = people_.find(static_cast<int>(number("agent", -1)));
@@ -152,7 +160,7 @@ void LiveView::wait_while(const DoomEnvironment& environment, const std::functio
   read_commands(0);
   is_waiting_ = true;
   while (!is_left() && (pages_ == 0 || waits())) {
-    if (pages_ > 0 && (drawn_ == Clock::time_point() || is_resized_)) show(environment);
+    if (pages_ > 0 && (drawn_ == Clock::time_point() || is_look_new_)) show(environment);
     read_commands(kCommandWaitMs);
     due_ = {};
   }
@@ -177,7 +185,7 @@ void LiveView::pass_time(const DoomEnvironment& environment, double tics) {
       return;
     }
     read_commands(static_cast<int>(std::min<long>(left / 1000, kCommandWaitMs)));
-    if (is_resized_) show(environment);
+    if (is_look_new_) show(environment);
   }
 }
 
@@ -215,11 +223,11 @@ void LiveView::ticked(const DoomEnvironment& environment) {
 
 void LiveView::show(const DoomEnvironment& environment) {
   drawn_ = Clock::now();
-  if (std::exchange(is_resized_, false))
-    if (const Status made = make_renderer_of(environment.game()); !made) {
-      spdlog::warn("views of {}x{}: {}", options_.size.width, options_.size.height, made.error().message);
-      return;
-    }
+  if (std::exchange(is_look_new_, false)) {
+    const Status made = make_renderer_of(environment.game(), wanted_look_);
+    refused_ = made ? "" : made.error().message;
+    wanted_look_ = look_;
+  }
   if (!link_.takes_pictures()) return;
   std::vector<doom::ViewRequest> requests;
   for (std::size_t agent = 0; agent < views_.size(); ++agent)
@@ -227,7 +235,7 @@ void LiveView::show(const DoomEnvironment& environment) {
   renderer_->draw(requests);
   link_.send(now_words(environment));
   for (std::size_t agent = 0; agent < views_.size(); ++agent)
-    link_.send_picture(static_cast<int>(agent), jpeg_of(views_[agent], options_.size));
+    link_.send_picture(static_cast<int>(agent), jpeg_of(views_[agent], look_.size));
 }
 
 json LiveView::began_words(const DoomEnvironment& environment) {
@@ -306,6 +314,8 @@ json LiveView::now_words(const DoomEnvironment& environment) const {
                                     : ""},
           {"pace", pace},
           {"speed", speed_},
+          {"renderer", word_of(look_.renderer)},
+          {"refused", refused_},
           {"agents", agents},
           {"things", things}};
 }

@@ -35,6 +35,7 @@ struct LiveViewOptions {
 ///   {"do": "begin"}                          the next episode, which people begin themselves
 ///   {"do": "speed", "times": 2}              of 35 tics a second; 0: as fast as it goes
 ///   {"do": "size", "width": 640, "height": 360}
+///   {"do": "renderer", "name": "osmesa"}     one that cannot be had is named in "refused", and the last one stays
 ///   {"do": "press", "agent": 0, "choice": [1, 0]}   what a person holds down, by head; a tap counts once
 ///
 /// What it sends: {"type": "began", ...} as an episode begins, {"type": "now", ...} with every picture. Threads: the
@@ -66,6 +67,12 @@ class LiveView final : public TicWatcher {
     std::vector<int32_t> held, tapped;
   };
 
+  /// How views are drawn.
+  struct Look {
+    ViewSize size;
+    RendererKind renderer = RendererKind::kPainter;
+  };
+
   LiveView(const LiveViewOptions& options, const EnvironmentOptions& environments, const DoomGame& first,
            PageLink link, std::function<bool()> is_stopping);
   void obey(const nlohmann::json& command);
@@ -75,7 +82,7 @@ class LiveView final : public TicWatcher {
   void show(const DoomEnvironment& environment);
   nlohmann::json began_words(const DoomEnvironment& environment);
   nlohmann::json now_words(const DoomEnvironment& environment) const;
-  Status make_renderer_of(const DoomGame& game);
+  Status make_renderer_of(const DoomGame& game, const Look& look);
 
   LiveViewOptions options_;
   const EnvironmentOptions environments_;
@@ -86,7 +93,9 @@ class LiveView final : public TicWatcher {
   std::map<int, Person> people_;
   int pages_ = 0;
   Pace pace_ = Pace::kRun;
-  bool may_begin_ = false, is_resized_ = false, is_waiting_ = false;
+  Look look_, wanted_look_;
+  std::string refused_;  ///< why a look could not be had
+  bool may_begin_ = false, is_look_new_ = false, is_waiting_ = false;
   double speed_ = 1;
   Clock::time_point due_{}, drawn_{};
   int tics_ = 0;  ///< of the decision under way

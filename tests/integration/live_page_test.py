@@ -250,6 +250,15 @@ def test_watch(comrad: str, browser: Browser, scratch: pathlib.Path, pictures: p
     wait_for(lambda: page.number("tic") > tic + 20, "Space resumes")
     page.run("document.getElementById('faster').click()")
     wait_for(lambda: page.run("now.speed") == 2, "faster")
+    def draw_with(renderer: str) -> None:
+        page.run(f"$('renderer').value = '{renderer}'; $('renderer').onchange({{ target: $('renderer') }})")
+
+    draw_with("osmesa")
+    wait_for(lambda: page.run("now.renderer == 'osmesa'"), "another renderer draws")
+    draw_with("egl")
+    wait_for(lambda: page.run("now.renderer == 'egl' || (now.renderer == 'osmesa' && now.refused && $('error').textContent)"), "one that cannot be had is refused")
+    draw_with("painter")
+    wait_for(lambda: page.run("now.renderer == 'painter' && !now.refused"), "and the first draws again")
     if pictures:
         wait_for(lambda: page.number("tic") > 400, "there are tracks")
         photograph(page, pictures / "watch")

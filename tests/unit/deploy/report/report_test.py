@@ -806,6 +806,21 @@ class ResultsPage(WithFolder):
         self.assertEqual(run_report(self.folder, "--results_page", page).returncode, 0)
         return page.read_text()
 
+    def test_people_have_their_rows(self):
+        self.random_play("lava_pit", [0.0, 1.0] * 50)
+        self.keep("lava_pit", "ippo", 7, [8.0, 9.0] * 50)
+        self.assertIn("## People\n\nNo episode is kept yet", self.page())
+        people = self.folder / "people"
+        people.mkdir()
+        for at, (policy, score) in enumerate([("0=person,1=oracle", 7.0), ("0=person,1=oracle", 9.0), ("random", 1.0), ("person", 4.0)]):
+            (people / f"{at}.comrad").write_bytes(json.dumps({"scenario": "lava_pit", "policy": policy, "score": score}).encode() + b"\n\xff")
+        (people / "junk.comrad").write_bytes(b"\xff")
+        page = self.page()
+        self.assertRegex(page, r"\| lava pit \| 0=person,1=oracle \| 2 \| 8 ± 13 \| 0.5 \|")
+        self.assertRegex(page, r"\| lava pit \| person \| 1 \| 4 \|")
+        self.assertNotIn("| random | 1", page)
+        self.assertIn("people/junk.comrad: no episode of comrad play", page)
+
     def test_holm_is_the_textbook(self):
         import results_page
 
