@@ -18,11 +18,23 @@ import sys
 import tempfile
 
 import reference
-from stage import Stage, pages_of
+import scenario_pages
+from stage import PICTURES, Stage, pages_of
 
 HERE = pathlib.Path(__file__).resolve().parent
 HOME = HERE.parents[1]
 FAILED, BAD_INPUT = 1, 2
+
+
+def add_games(stage: Stage, comrad: str) -> None:
+    """Puts pictures and GIFs on the pages of the games. They lie in the build folder and are drawn when they are old."""
+    drawn = pathlib.Path(os.environ.get("COMRAD_GAME_PICTURES") or pathlib.Path(comrad).resolve().parents[1] / "games")
+    for name, shown in scenario_pages.all_media(comrad, HOME, scenario_pages.names_of(HOME), drawn).items():
+        page = pathlib.Path("scenarios", name, "README.md")
+        stage.page(page, scenario_pages.with_media((HOME / page).read_text(encoding="utf-8"), shown))
+        for picture in (drawn / name).iterdir():
+            if picture.suffix in PICTURES:
+                shutil.copyfile(picture, stage.to / page.parent / picture.name)
 
 
 def build(comrad: str, to: pathlib.Path) -> int:
@@ -31,6 +43,7 @@ def build(comrad: str, to: pathlib.Path) -> int:
         stage = Stage(HOME, pathlib.Path(folder, "docs"))
         for page in pages_of(HOME):
             stage.page(page)
+        add_games(stage, comrad)
         reference.write_all(stage, comrad)
         shutil.copyfile(HERE / "mkdocs.yml", pathlib.Path(folder, "mkdocs.yml"))
         shutil.copyfile(HERE / "site.css", stage.to / "site.css")

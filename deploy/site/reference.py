@@ -2,22 +2,16 @@
 
 import functools
 import html
-import json
 import os
 import pathlib
 import re
-import subprocess
 from collections.abc import Iterator
 
+import scenario_pages
+from scenario_pages import output_of
 from stage import MADE_BY_TOOLS, PARTS, folder_page
 
 SETTINGS_HEAD = re.compile(r"^Settings \(built-in", re.MULTILINE)
-TIMEOUT_S = 120
-
-
-def output_of(comrad: str, *words: str) -> str:
-    """What `comrad WORDS` prints. Errors: CalledProcessError, with the program's own words on stderr."""
-    return subprocess.run([comrad, *words], stdout=subprocess.PIPE, text=True, timeout=TIMEOUT_S, check=True).stdout
 
 
 def cell(text: str) -> str:
@@ -28,7 +22,7 @@ def cell(text: str) -> str:
 def commands(comrad: str) -> str:
     """A page of every command with its flags."""
     page = "# Commands\n\nWritten by the program: `comrad help COMMAND`. Settings of a run: [Settings](settings.md).\n"
-    for name, summary in re.findall(r"^  ([a-z]+) +(\S.*)$", output_of(comrad, "help"), re.MULTILINE):
+    for name, summary in re.findall(r"^  ([a-z-]+) +(\S.*)$", output_of(comrad, "help"), re.MULTILINE):
         if name in ("help", "version"):
             continue
         text = SETTINGS_HEAD.split(output_of(comrad, "help", name))[0].rstrip()
@@ -121,21 +115,12 @@ def files(home: pathlib.Path, part: str) -> tuple[str, list[str]]:
     return page, silent
 
 
-def layout_parameters(comrad: str, scenario: str) -> str:
-    """The parameters of a scenario's recipe, from `comrad scenarios describe`."""
-    described = json.loads(output_of(comrad, "scenarios", "describe", scenario, "--json"))
-    rows = "".join(
-        f"| `{one['name']}` | {one['default']} | {one['low']} to {one['high']} | {cell(one['help'])} |\n" for one in described["layout_parameters"]
-    )
-    return f"| parameter | default | range | meaning |\n| --- | ---: | --- | --- |\n{rows}"
-
-
 def generated_parts(home: pathlib.Path, comrad: str) -> Iterator[tuple[pathlib.Path, str, str]]:
     """The parts of pages in the repository that the program writes: the page, the text as it is, and as it should be."""
     parts = [(home / "learner/METRICS.md", "comrad help metrics", lambda: output_of(comrad, "help", "metrics", "--markdown"))]
     for recipe in sorted(home.glob("scenarios/*/layout.cc")):
         name = recipe.parent.name
-        parts.append((recipe.parent / "README.md", "comrad scenarios describe", functools.partial(layout_parameters, comrad, name)))
+        parts.append((recipe.parent / "README.md", "comrad scenarios describe", functools.partial(scenario_pages.generated, comrad, home, name)))
     for page, mark, write in parts:
         text = page.read_text(encoding="utf-8")
         before, begin, rest = text.partition(f"<!-- {mark}: begin -->\n")

@@ -46,11 +46,11 @@ class Stage:
     def __init__(self, home: pathlib.Path, to: pathlib.Path):
         self.home, self.to = home, to
 
-    def page(self, page: pathlib.Path) -> None:
-        """Writes one page below `to`."""
+    def page(self, page: pathlib.Path, text: str | None = None) -> None:
+        """Writes one page below `to`; `text` is what it has instead of the file's."""
         lines, fenced = [], False
         before = ""  # the line before, outside of fenced code
-        source = (self.home / page).read_text(encoding="utf-8").splitlines()
+        source = ((self.home / page).read_text(encoding="utf-8") if text is None else text).splitlines()
         for number, line in enumerate(source):
             if line.lstrip().startswith("```"):
                 fenced = not fenced

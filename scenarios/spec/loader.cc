@@ -237,6 +237,11 @@ std::string comment_behind(std::string_view text, const toml::source_region& val
   return mark == std::string_view::npos ? "" : std::string(trimmed(text.substr(mark + 1)));
 }
 
+std::string comment_behind(std::string_view text, const toml::table& table, std::string_view key) {
+  const toml::node* const value = table.get(key);
+  return value == nullptr ? "" : comment_behind(text, value->source());
+}
+
 /// Names that a script can spell and that are none of the game's variables, which are in capitals.
 bool is_export_name(const std::string& name) {
   const auto is_letter = [](char c) { return c >= 'a' && c <= 'z'; };
@@ -336,7 +341,7 @@ Status read_measurements(const std::string& path, TableReader& root, ScenarioSpe
 }
 
 /// A term that has the name of one of the base's changes that one; others are added.
-Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+Status read_rewards(const std::string& path, std::string_view text, TableReader& root, ScenarioSpec& spec) {
   const std::size_t inherited_count = spec.rewards.size();
   for (const toml::table* table : root.tables("rewards")) {
     const std::span base_terms = std::span(spec.rewards).first(inherited_count);
@@ -346,6 +351,8 @@ Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& sp
     TableReader reader(path, *table, changes_one);
     RewardTerm term = changes_one ? *inherited : RewardTerm{};
     reader.required("name", term.name);
+    if (std::string meaning = comment_behind(text, *table, "name"); !meaning.empty())
+      term.meaning = std::move(meaning);
     reader.variable("variable", term.variable, spec.exports, term_variable_names(), true);
     read_stride(reader, "agent_stride", term.variable, term.agent_stride, spec);
     reader.variable("when", term.when, spec.exports, term_variable_names(), false);
@@ -566,6 +573,7 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   std::vector<std::string> scores = variable_names();
   scores.insert(scores.begin(), {"survival_tics", "return"});
   root.variable("score", spec.score, spec.exports, std::move(scores), true);
+  if (!base || root.has("score")) spec.score_meaning = comment_behind(text, table, "score");
   root.optional("score_scale", spec.score_scale);
   root.variable("score_divisor", spec.score_divisor, spec.exports, variable_names(), false);
   read_stride(root, "score_agent_stride", spec.score, spec.score_agent_stride, spec);
@@ -580,7 +588,7 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   COMRAD_TRY(read_heads(path, root, spec));
   COMRAD_TRY(read_masks(path, root, spec));
   COMRAD_TRY(read_measurements(path, root, spec));
-  COMRAD_TRY(read_rewards(path, root, spec));
+  COMRAD_TRY(read_rewards(path, text, root, spec));
   COMRAD_TRY(read_render(path, root, spec));
   read_numbers(path, root, "globals", spec.globals);
   read_numbers(path, root, "layout", spec.layout);

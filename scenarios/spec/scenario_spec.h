@@ -64,6 +64,7 @@ struct RewardTerm {
   bool per_agent = false;     ///< divide the weight by N
   /// Variables, or empty: the term pays only in decisions after which `when` is not 0 and `unless` is 0.
   std::string when = {}, unless = {};
+  std::string meaning = {};  ///< the comment behind its name, or empty
 };
 
 /// What one agent may not choose: of one head only `allowed` ("none" and buttons).
@@ -102,7 +103,8 @@ struct ScenarioSpec {
   bool respawn = false;
   int respawn_delay_tics = 0;
   double shared_reward_alpha = 0.0;
-  std::string score;  ///< what J is: survival_tics, return, or a game variable at the end
+  std::string score;               ///< what J is: survival_tics, return, or a game variable at the end
+  std::string score_meaning = {};  ///< the comment behind it, or empty
   int score_agent_stride = 0;
   double score_scale = 1.0;          ///< J = variable * scale
   std::string score_divisor;         ///< a game variable that J is divided by (1 where it is 0); empty: none

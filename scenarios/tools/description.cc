@@ -33,7 +33,8 @@ Json rewards_of(const ScenarioSpec& spec) {
                        {"per_agent", term.per_agent},
                        {"cap", term.cap},
                        {"when", term.when},
-                       {"unless", term.unless}});
+                       {"unless", term.unless},
+                       {"meaning", term.meaning}});
   return rewards;
 }
 
@@ -127,8 +128,12 @@ std::vector<std::string> reward_row(const Json& term, const ExportNames& names) 
   if (term["cap"].get<double>() > 0) rest += ", clipped to +-" + number(term["cap"]);
   if (term["when"] != "") rest += ", when " + variable_text(term["when"].get<std::string>(), names);
   if (term["unless"] != "") rest += ", unless " + variable_text(term["unless"].get<std::string>(), names);
-  return {term["name"].get<std::string>(), number(term["weight"]), term["kind"].get<std::string>(),
-          variable_text(term, names), rest};
+  return {term["name"].get<std::string>(),
+          number(term["weight"]),
+          term["kind"].get<std::string>(),
+          variable_text(term, names),
+          rest,
+          term["meaning"].get<std::string>()};
 }
 
 std::vector<std::string> measurement_row(const Json& term, const ExportNames& names) {
@@ -186,7 +191,13 @@ Expected<Json> describe(const std::string& name, int num_agents, const std::stri
       {"decision_limit", spec.decision_limit},
       {"ceiling", ceiling != ceilings.end() ? ceiling->second : 0.0},
       {"shared_reward_alpha", spec.shared_reward_alpha},
+      {"observation",
+       {{"status_bar", spec.hud},
+        {"crosshair", spec.crosshair},
+        {"weapon", spec.weapon},
+        {"screen_flashes", spec.screen_flashes}}},
       {"score", spec.score},
+      {"score_meaning", spec.score_meaning},
       {"score_unit", spec.score_unit},
       {"score_scale", spec.score_scale},
       {"score_divisor", spec.score_divisor},
@@ -244,7 +255,7 @@ std::string description_text(const Json& description) {
   for (const Json& one : description["warnings"]) warnings.push_back({one.get<std::string>()});
   return text + table("Action heads (choice 0 presses nothing)", heads) +
          table("Masks: what one agent may choose", masks) +
-         table("Rewards: name, weight, kind, variable, scope", rewards) +
+         table("Rewards: name, weight, kind, variable, scope, meaning", rewards) +
          table("Measurements, with --use_additional_input", measurements) +
          table("Exported variables: number, name in [exports], read by, meaning", exported) +
          table("Layout parameters: default, range, meaning", parameters) +

@@ -71,6 +71,9 @@ int run(int argc, char** argv) {
   for (CLI::App* one : {&app, list_command, describe_command})
     one->add_flag("--json", as_json, "one JSON object on one line");
   app.require_subcommand(0, 1);
+  app.footer(
+      "--pages DIR [NAME...]: write the pages of the games with pictures and GIFs of the scripted team into "
+      "DIR");
   const CLI::Option* gallery_option = scenarios::add_gallery_flags(app, gallery);
   try {
     app.parse(argc, argv);

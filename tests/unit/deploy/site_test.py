@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import tomllib
 import urllib.parse
 import urllib.request
 
@@ -23,6 +24,7 @@ HOME = pathlib.Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(HOME / "deploy" / "site"))
 from page_commands import NEEDS, blocks_of, commands_in, is_complete, need_of  # noqa: E402
 from reference import generated_parts  # noqa: E402
+from scenario_pages import names_of  # noqa: E402
 from stage import pages_of  # noqa: E402
 
 TIMEOUT_S = 600
@@ -179,6 +181,36 @@ def unanswered(site: pathlib.Path) -> list[str]:
     return found
 
 
+def place_pictures(folder: pathlib.Path) -> str:
+    """Pictures of all games, so that a site needs no time to play them."""
+    for name in names_of(HOME):
+        (folder / name).mkdir(parents=True)
+        for file in ("scripted.gif", "strip.png", "map.png"):
+            shutil.copyfile(HOME / "scenarios/gallery" / f"{name}.png", folder / name / file)
+    return str(folder)
+
+
+def wrong_pages(comrad: str) -> list[str]:
+    """Faults of `comrad scenarios --pages` for one game."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run([comrad, "scenarios", "--pages", folder, "lava_pit"], check=False)
+        page = pathlib.Path(folder, "lava_pit", "README.md")
+        if done.returncode or not page.exists():
+            return [f"comrad scenarios --pages ended with {done.returncode}"]
+        text = page.read_text(encoding="utf-8")
+        found = [f"the page loads {one}, which is not there" for one in re.findall(r"!\[[^\]]*\]\(([^)]*)\)", text) if not (page.parent / one).exists()]
+        terms = tomllib.loads((HOME / "scenarios/lava_pit/scenario.toml").read_text(encoding="utf-8"))["rewards"]
+        found += [f"the page lacks reward {one['name']}" for one in terms if f"| `{one['name']}` | {one['weight']:+g}" not in text]
+        found += [f"the page has the link {one}" for one in re.findall(r"(?<!!)\[[^\]]*\]\((?!http)[^)]*\)", text)]
+        gif = (page.parent / "scripted.gif").read_bytes()
+        if not gif.startswith(b"GIF8") or not 10_000 < len(gif) <= 1_500_000:
+            found.append(f"the scripted team's GIF has {len(gif)} bytes")
+        wrong = subprocess.run([comrad, "scenarios", "--pages", folder, "lava_pitt"], capture_output=True, text=True, check=False)
+        if wrong.returncode != 2 or wrong.stderr.count("\n") != 1 or "lava_pit" not in wrong.stderr:
+            found.append(f"a game that is not there: {wrong.returncode} {wrong.stderr}")
+    return found
+
+
 def main() -> int:
     check_itself()
     comrad, python = map(os.path.abspath, sys.argv[1:])
@@ -187,7 +219,7 @@ def main() -> int:
     if old:
         print(f"{', '.join(old)}: the program writes other tables; run `comrad docs --update`")
         return 1
-    wrong = wrong_commands(comrad)
+    wrong = wrong_commands(comrad) + wrong_pages(comrad)
     if wrong:
         print("\n".join(wrong))
         return 1
@@ -200,6 +232,7 @@ def main() -> int:
         return SKIPPED
     environment = {**os.environ, "COMRAD_HOME": str(HOME), "COMRAD_DOCS_PYTHON": python}
     with tempfile.TemporaryDirectory() as folder:
+        environment["COMRAD_GAME_PICTURES"] = place_pictures(pathlib.Path(folder, "games"))
         done = subprocess.run([comrad, "docs", "--build", f"{folder}/site"], env=environment, check=False)
         if done.returncode:
             print(f"comrad docs ended with {done.returncode}")

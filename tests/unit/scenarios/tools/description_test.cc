@@ -70,7 +70,7 @@ agent_stride = 2
 scale = 0.25
 high = 3.5
 [[rewards]]
-name = "find"
+name = "find"  # of anything
 variable = "HEALTH"
 kind = "rise"
 weight = 0.1
@@ -86,6 +86,8 @@ gamma = 0.999
   EXPECT_EQ((*described)["measurement_terms"][0]["high"], 3.5);
   EXPECT_TRUE((*described)["measurement_terms"][0]["low"].is_null());
   EXPECT_EQ((*described)["rewards"][0]["when"], "TRUNCATED");
+  EXPECT_EQ((*described)["rewards"][0]["meaning"], "of anything");
+  EXPECT_EQ((*described)["observation"]["crosshair"], false);
   EXPECT_EQ((*described)["masks"][0]["allowed"][0], "none");
   EXPECT_EQ((*described)["exported_variables"].size(), 5u) << "USER1, USER2, USER10, USER12, USER14";
   EXPECT_THAT(
