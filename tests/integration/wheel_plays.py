@@ -74,15 +74,19 @@ class Wheel(unittest.TestCase):
                 env.close()
 
     def test_it_is_imported_and_draws_quickly(self):
-        imports, frames = [], []
+        times = {"import gymnasium, numpy, pettingzoo": [], "import comrad": []}
+        frames = []
         for _ in range(FASTEST_OF):
-            before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            subprocess.run([sys.executable, "-c", "import comrad"], check=True)
-            after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            imports.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+            for script, of_script in times.items():
+                before = resource.getrusage(resource.RUSAGE_CHILDREN)
+                subprocess.run([sys.executable, "-c", script], check=True)
+                after = resource.getrusage(resource.RUSAGE_CHILDREN)
+                of_script.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
             frames.append(float(run(FIRST_FRAME)))
-        print(f"least of {FASTEST_OF}, processor time: import comrad {min(imports):.3f} s with Python's start; first frame {min(frames):.3f} s")
-        self.assertLess(min(imports), 0.3)
+        needed, whole = (min(of_script) for of_script in times.values())
+        print(f"least of {FASTEST_OF}, processor time with Python's start: import comrad {whole:.3f} s, of what it needs {needed:.3f} s; first frame {min(frames):.3f} s")
+        # On a busy machine processor time is longer, too; then what is the package's own counts.
+        self.assertTrue(whole < 0.3 or whole - needed < 0.1)
         self.assertLess(min(frames), 0.2)
 
     def test_what_the_machine_lacks_is_one_line(self):
