@@ -110,7 +110,7 @@ struct LaunchPlan {
   /// Simulators that this run starts itself.
   int64_t own_workers() const { return simulators_join ? 0 : config.collection.num_workers; }
   /// Places for simulators of hosts without a policy; this host counts as one where its simulators join.
-  int64_t frame_guests() const {
+  int64_t remote_frame_workers() const {
     return serves() ? config.hosts.serve_frame_workers + config.collection.num_workers - own_workers() : 0;
   }
   /// None where another host's play; the one that sends frames is in their place.

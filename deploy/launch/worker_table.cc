@@ -34,7 +34,7 @@ constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"learner", "comrad-learner", "learner"},
                            {"receiver", "comrad-trajectory-receiver", "trajectory receiver"},
                            {"frame-receiver", "comrad-frame-receiver", "frame receiver"},
-                           {"feeder", "comrad-trajectory-sender", "trajectory sender"}};
+                           {"trajectory-sender", "comrad-trajectory-sender", "trajectory sender"}};
 constexpr bool is_single(Role role) { return role != Role::kSim && role != Role::kPolicy; }
 constexpr const char* kRecordingSimulator = "comrad-sim-video";
 constexpr const char* kShowingSimulator = "comrad-sim-watch";
@@ -75,7 +75,7 @@ WorkerTable::WorkerTable(const LaunchPlan& plan, const Clock& clock, ProcessHost
   add(Role::kPolicy, plan.own_policy_workers());
   if (plan.has_learner()) add(Role::kLearner, 1);
   if (plan.serves()) add(Role::kTrajectoryReceiver, 1);
-  if (plan.frame_guests() > 0) add(Role::kFrameReceiver, 1);
+  if (plan.remote_frame_workers() > 0) add(Role::kFrameReceiver, 1);
   if (plan.feeds()) add(Role::kTrajectorySender, 1);
 }
 

@@ -157,8 +157,8 @@ ReplayFeed::~ReplayFeed() {
   stop_ = true;
   limiter_.stop();
   changed_.notify_all();
-  if (feeder_.joinable()) feeder_.join();
-  if (sampler_.joinable()) sampler_.join();
+  if (feed_thread_.joinable()) feed_thread_.join();
+  if (sample_thread_.joinable()) sample_thread_.join();
 }
 
 void ReplayFeed::insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version) {
@@ -312,8 +312,8 @@ void ReplayFeed::agree_on_pace() {
 
 void ReplayFeed::start(const shm::Arena& arena) {
   arena_ = &arena;
-  feeder_ = std::thread([this] { run("replay-feed", &ReplayFeed::feed); });
-  sampler_ = std::thread([this] { run("replay-draw", &ReplayFeed::draw); });
+  feed_thread_ = std::thread([this] { run("replay-feed", &ReplayFeed::feed); });
+  sample_thread_ = std::thread([this] { run("replay-draw", &ReplayFeed::draw); });
 }
 
 void ReplayFeed::run(const char* name, void (ReplayFeed::*work)()) {

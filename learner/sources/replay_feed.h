@@ -161,7 +161,7 @@ class ReplayFeed {
   LagStats lag_;
 
   std::atomic<bool> stop_ = false;
-  std::thread feeder_, sampler_;
+  std::thread feed_thread_, sample_thread_;
 };
 
 }  // namespace comrad::learn

@@ -252,7 +252,7 @@ Expected<ordered_json> measure(const Arguments& arguments) {
                                            " groups of environments to share out"};
   ArenaShape near_shape = shape;
   if (arguments.is_over_dds())
-    near_shape.guest_worker_count = near_shape.frame_guest_count = shape.sim_worker_count;
+    near_shape.remote_worker_count = near_shape.remote_frame_worker_count = shape.sim_worker_count;
   COMRAD_TRY_ASSIGN(const Arena arena, Arena::create(near_shape, static_cast<uint64_t>(getpid())));
   const std::size_t bytes =
       sizeof(Histogram) * static_cast<std::size_t>(shape.sim_worker_count) + sizeof(SentFrames);

@@ -13,7 +13,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/dds/domain.h"
 #include "rollout_buffer/dds/keys.h"
-#include "rollout_buffer/dds/strangers.h"
+#include "rollout_buffer/dds/unknown_peers.h"
 
 namespace comrad::dds {
 namespace {
@@ -154,7 +154,7 @@ class CycloneCarrier final : public LinkCarrier {
     }
     waitset_ = dds_create_waitset(participant_);
     if (waitset_ < 0) return error(waitset_, "make a wait set");
-    if (!config_.key_folder.empty()) strangers_ = std::make_unique<Strangers>(participant_);
+    if (!config_.key_folder.empty()) unknown_peers_ = std::make_unique<UnknownPeers>(participant_);
     return {};
   }
 
@@ -170,7 +170,7 @@ class CycloneCarrier final : public LinkCarrier {
         out.key = key;
         point_to(head, out.head);
       } else {
-        out.feeder_id = key;
+        out.sender_id = key;
         std::memcpy(&out.question_id, head.data(), sizeof out.question_id);
         std::memcpy(out.text, head.data() + sizeof out.question_id, head.size() - sizeof out.question_id);
       }
@@ -195,7 +195,7 @@ class CycloneCarrier final : public LinkCarrier {
           std::vector<std::byte> head(sizeof in.question_id + strnlen(in.text, sizeof in.text));
           std::memcpy(head.data(), &in.question_id, sizeof in.question_id);
           std::memcpy(head.data() + sizeof in.question_id, in.text, head.size() - sizeof in.question_id);
-          visit(in.feeder_id, head, payload);
+          visit(in.sender_id, head, payload);
         }
       });
     });
@@ -207,7 +207,7 @@ class CycloneCarrier final : public LinkCarrier {
   }
 
   bool wait(int timeout_ms) override {
-    if (strangers_ != nullptr) strangers_->look();
+    if (unknown_peers_ != nullptr) unknown_peers_->look();
     dds_attach_t ready[1];
     return dds_waitset_wait(waitset_, ready, 1, DDS_MSECS(timeout_ms)) > 0;
   }
@@ -291,7 +291,7 @@ class CycloneCarrier final : public LinkCarrier {
   dds_entity_t participant_ = 0, waitset_ = 0;
   dds_entity_t publisher_[2] = {}, subscriber_[2] = {};  // of links, and of joins
   std::array<Ends, kTopicCount> ends_ = {};
-  std::unique_ptr<Strangers> strangers_;  // where there are keys
+  std::unique_ptr<UnknownPeers> unknown_peers_;  // where there are keys
 };
 
 }  // namespace

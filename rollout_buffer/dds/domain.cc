@@ -13,7 +13,7 @@
 #include <mutex>
 
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/dds/strangers.h"
+#include "rollout_buffer/dds/unknown_peers.h"
 
 namespace comrad::dds {
 namespace {
@@ -32,7 +32,7 @@ std::string what_to_check(const BusConfig& config) {
 void log_cyclone(void*, const dds_log_data_t* data) {
   std::string_view text(data->message, data->size);
   while (!text.empty() && (text.back() == '\n' || text.back() == '\0')) text.remove_suffix(1);
-  if (is_about_a_stranger(text)) {
+  if (is_about_an_unknown_peer(text)) {
     spdlog::debug("cyclonedds: {}", text);  // again every second; each unknown peer gets one line of ours
   } else if (data->priority & (DDS_LC_FATAL | DDS_LC_ERROR)) {
     spdlog::error("cyclonedds: {}", text);

@@ -21,7 +21,7 @@ namespace comrad {
 namespace {
 
 constexpr int64_t kBatchEnvsOfAuto = 1024;
-constexpr int64_t kGuestSlabs = 32;  // that trajectories of other hosts arrive in, 4 of each host at once
+constexpr int64_t kRemoteSlabs = 32;  // that trajectories of other hosts arrive in, 4 of each host at once
 
 int64_t devices_of_policies(const RunConfig& config) {
   return static_cast<int64_t>(
@@ -348,7 +348,7 @@ Status resolve_settings(RunConfig& config, int core_count) {
     c.collection.trajectory_slabs = c.collection.deterministic
                                         ? 2 * env_count
                                         : env_count + c.collection.num_batches_to_accumulate * cycle_slabs +
-                                              (with::join_endpoint.holds(c) ? kGuestSlabs : 0);
+                                              (with::join_endpoint.holds(c) ? kRemoteSlabs : 0);
   }
   if (c.collection.trajectory_slabs < least_slabs)
     return Error{ErrorCode::kBadInput,

@@ -30,7 +30,7 @@ uint64_t Accounts::write_off(int sim_worker) const {
   uint64_t steps_lost = 0;
   for (int local = 0; local < shape_.envs_per_worker; ++local) {
     EnvAccount& account = of(sim_worker * shape_.envs_per_worker + local);
-    if (shape_.is_guest(sim_worker)) {
+    if (shape_.is_remote(sim_worker)) {
       account.made.store(account.sealed.load() + account.lost.load());
       continue;
     }

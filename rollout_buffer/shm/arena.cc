@@ -140,8 +140,9 @@ uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
   while (!step_slots().withdraw(sim_worker) && monotonic_ns() < deadline_ns) usleep(200);
   step_slots().idle(sim_worker);
   slabs().reclaim_filling(sim_worker, [&](int env_index, uint64_t rollout_index) {
-    uint64_t& next = shape().is_guest(sim_worker) ? remote_worker_slots().environment(env_index).rollout_index
-                                                  : journals().header(env_index).rollout_index;
+    uint64_t& next = shape().is_remote(sim_worker)
+                         ? remote_worker_slots().environment(env_index).rollout_index
+                         : journals().header(env_index).rollout_index;
     next = std::min(next, rollout_index);
   });
   return accounts().write_off(sim_worker);

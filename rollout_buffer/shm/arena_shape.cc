@@ -26,8 +26,9 @@ Status validate(const ArenaShape& shape) {
   COMRAD_TRY(check_range("slab_count", shape.slab_count, 1, 1 << 20));
   COMRAD_TRY(check_range("journal_steps", shape.journal_steps, 0, 1 << 20));
   COMRAD_TRY(check_range("episode_ring_capacity", shape.episode_ring_capacity, 1, 1 << 20));
-  COMRAD_TRY(check_range("guest_worker_count", shape.guest_worker_count, 0, shape.sim_worker_count));
-  COMRAD_TRY(check_range("frame_guest_count", shape.frame_guest_count, 0, shape.guest_worker_count));
+  COMRAD_TRY(check_range("remote_worker_count", shape.remote_worker_count, 0, shape.sim_worker_count));
+  COMRAD_TRY(check_range("remote_frame_worker_count", shape.remote_frame_worker_count, 0,
+                         shape.remote_worker_count));
   COMRAD_TRY(check_range("weights_bytes", shape.weights_bytes, 0, int64_t{1} << 36));
   return {};
 }

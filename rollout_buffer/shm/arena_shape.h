@@ -18,16 +18,16 @@ struct ArenaShape {
   int32_t slab_count = 64;
   int32_t journal_steps = 0;  ///< decisions kept per environment for exact resume; 0: no journal
   int32_t episode_ring_capacity = 4096;
-  int64_t weights_bytes = 0;       ///< capacity of one weights buffer
-  int32_t guest_worker_count = 0;  ///< the last of the sim workers: played by other hosts
-  int32_t frame_guest_count =
+  int64_t weights_bytes = 0;        ///< capacity of one weights buffer
+  int32_t remote_worker_count = 0;  ///< the last of the sim workers: played by other hosts
+  int32_t remote_frame_worker_count =
       0;  ///< the first of the remote workers: policy workers of this host play with them
 
   /// Simulators of this host.
-  int32_t own_worker_count() const { return sim_worker_count - guest_worker_count; }
-  bool is_guest(int sim_worker) const { return sim_worker >= own_worker_count(); }
+  int32_t own_worker_count() const { return sim_worker_count - remote_worker_count; }
+  bool is_remote(int sim_worker) const { return sim_worker >= own_worker_count(); }
   /// Simulators that policy workers of this host answer: the first ones.
-  int32_t served_worker_count() const { return own_worker_count() + frame_guest_count; }
+  int32_t served_worker_count() const { return own_worker_count() + remote_frame_worker_count; }
   int32_t env_count() const { return sim_worker_count * envs_per_worker; }
   /// Environments [first, last) of one split of a worker, as local indices.
   int32_t split_begin(int32_t split) const { return envs_per_worker * split / splits_per_worker; }

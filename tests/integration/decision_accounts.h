@@ -29,9 +29,9 @@ inline nlohmann::json checked_account(const std::string& run) {
 /// Decisions that came from other hosts, those that are gone included; by the learner's host's word.
 inline double decisions_delivered(const std::string& run, const std::string& file = "guests.json") {
   double sum = 0;
-  const nlohmann::json guests = read_json(run + "/" + file);
-  if (guests.is_object())
-    for (const auto& guest : guests["guests"]) sum += guest["decisions_delivered"].get<double>();
+  const nlohmann::json peers = read_json(run + "/" + file);
+  if (peers.is_object())
+    for (const auto& peer : peers["guests"]) sum += peer["decisions_delivered"].get<double>();
   return sum;
 }
 

@@ -29,11 +29,11 @@ using Words = std::vector<std::string>;
 
 constexpr double kStartSeconds = 180;
 
-std::size_t guests_with_deliveries(const std::string& run) {
+std::size_t hosts_with_deliveries(const std::string& run) {
   std::size_t count = 0;
-  const nlohmann::json guests = read_json(run + "/guests.json");
-  if (guests.is_object())
-    for (const auto& guest : guests["guests"]) count += guest["decisions_delivered"].get<double>() > 0;
+  const nlohmann::json peers = read_json(run + "/guests.json");
+  if (peers.is_object())
+    for (const auto& peer : peers["guests"]) count += peer["decisions_delivered"].get<double>() > 0;
   return count;
 }
 
@@ -166,7 +166,7 @@ TEST_F(HostRuns, FourHostsTrainTogether) {
   std::vector<std::unique_ptr<RunningProgram>> players;
   for (int host = 1; host < 4; ++host) {
     players.push_back(start_player(on, host, "learning", "playing" + std::to_string(host)));
-    EXPECT_TRUE(wait_until([&] { return guests_with_deliveries(run) == static_cast<std::size_t>(host); },
+    EXPECT_TRUE(wait_until([&] { return hosts_with_deliveries(run) == static_cast<std::size_t>(host); },
                            kStartSeconds));
     measure(host + 1);
   }
@@ -271,11 +271,11 @@ TEST_F(HostRuns, TwoRunsOnOneNetworkNeverMix) {
   for (const char* run : {"one", "two"}) {
     const nlohmann::json account =
         read_json(scratch_ / (std::string("plays_") + run) / "status.json")["decisions_account"];
-    const auto guests = [&] { return read_json(scratch_ / run / "guests.json")["guests"]; };
-    ASSERT_EQ(guests().size(), 1u) << guests();
+    const auto peers = [&] { return read_json(scratch_ / run / "guests.json")["guests"]; };
+    ASSERT_EQ(peers().size(), 1u) << peers();
     // The file is written now and then.
-    EXPECT_TRUE(wait_until([&] { return guests()[0]["decisions_delivered"] == account["trained"]; }, 10))
-        << run << " had " << guests() << " delivered, which sent " << account;
+    EXPECT_TRUE(wait_until([&] { return peers()[0]["decisions_delivered"] == account["trained"]; }, 10))
+        << run << " had " << peers() << " delivered, which sent " << account;
   }
   end(*one, "one");
   end(*two, "two");

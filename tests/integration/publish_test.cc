@@ -52,10 +52,10 @@ TEST(Publish, ARunIsSeenFromItsFirstWorkerToItsEndAndOnlyWithItsKeys) {
   EXPECT_THAT(page.out, HasSubstr("run: running"));
   EXPECT_THAT(page.out, HasSubstr("sim-1"));
 
-  const Ending stranger = look(run, {"--wait_s", "2"});
-  expect_one_line(stranger, "top");
-  EXPECT_THAT(stranger.err, HasSubstr("no report"));
-  EXPECT_THAT(stranger.err, HasSubstr("--keys"));
+  const Ending unknown = look(run, {"--wait_s", "2"});
+  expect_one_line(unknown, "top");
+  EXPECT_THAT(unknown.err, HasSubstr("no report"));
+  EXPECT_THAT(unknown.err, HasSubstr("--keys"));
   const Ending of_another_authority = look(run, {"--keys", others + "/hosts/monitor", "--wait_s", "5"});
   expect_one_line(of_another_authority, "top");
   EXPECT_THAT(of_another_authority.err, HasSubstr("keys are of the same authority"));

@@ -151,7 +151,7 @@ shm::Arena make_arena(int workers, int slabs, int remote, uint64_t id) {
   shape.trajectory.recurrent_state_count = 1;
   shape.sim_worker_count = workers;
   shape.envs_per_worker = shape.splits_per_worker = 1;
-  shape.guest_worker_count = remote;
+  shape.remote_worker_count = remote;
   shape.slab_count = slabs;
   shape.journal_steps = 0;
   shape.episode_ring_capacity = 1;

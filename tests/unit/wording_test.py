@@ -70,13 +70,8 @@ EXCEPTIONS = [
     ("learner/sources/layout_service.cc", "desks"),  # a key in checkpoints
     ("rollout_buffer/dds", "door"),  # a partition of published keys
     ("rollout_buffer/link/join", "guests"),  # guests.json
-    ("rollout_buffer/link/trajectories/trajectory_sender_main.cc", "feeder"),  # a program's role
     ("tests/unit/rollout_buffer/link/join", "guests"),
-    ("deploy/launch/worker_table.cc", "feeder"),
-    ("deploy/launch/worker_table.h", "feeder"),
-    ("tests/chaos/hosts_chaos_test.cc", "feeder"),
-    ("tests/integration/frames_test.cc", "feeder"),
-    ("tests/integration/hosts_long_test.cc", "feeder|guests"),  # guests.json
+    ("tests/integration/hosts_long_test.cc", "guests"),  # guests.json
     ("tests/integration/decision_accounts.h", "guests"),
 ]  # fmt: skip
 

@@ -13,9 +13,9 @@ int main(int argc, char** argv) {
        .has_bench = false});
   const auto options_of = [](const shm::Arena& arena, const link::Offer& offer, const link::LinkAddress&) {
     const shm::ArenaShape& shape = arena.shape();
-    spdlog::info("plays with up to {} simulators of hosts without a policy", shape.frame_guest_count);
+    spdlog::info("plays with up to {} simulators of hosts without a policy", shape.remote_frame_worker_count);
     return link::ServingOptions{.first_worker = shape.own_worker_count(),
-                                .worker_count = shape.frame_guest_count,
+                                .worker_count = shape.remote_frame_worker_count,
                                 .fingerprint = link::fingerprint_of(offer)};
   };
   return shell.run(argc, argv, {.work = [&](const RunConfig& config) {

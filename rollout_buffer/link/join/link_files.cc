@@ -85,17 +85,17 @@ json read_json(const std::string& path) {
 
 Status write_peers(const std::string& run_dir, const ServingFiles& files,
                    const std::vector<PeerRecord>& records) {
-  json guests = json::array();
-  for (const PeerRecord& record : records) guests.push_back(json_of(record));
-  return write_json(run_dir + "/" + files.guests, {{"guests", guests}});
+  json peers = json::array();
+  for (const PeerRecord& record : records) peers.push_back(json_of(record));
+  return write_json(run_dir + "/" + files.peers, {{"guests", peers}});
 }
 
 std::vector<PeerRecord> read_peers(const std::string& run_dir, const ServingFiles& files) {
   std::vector<PeerRecord> records;
-  const json read = read_json(run_dir + "/" + files.guests);
+  const json read = read_json(run_dir + "/" + files.peers);
   if (!read.is_object() || !read.contains("guests") || !read["guests"].is_array()) return records;
-  for (const json& guest : read["guests"])
-    if (guest.is_object()) records.push_back(record_in<PeerRecord>(guest));
+  for (const json& peer : read["guests"])
+    if (peer.is_object()) records.push_back(record_in<PeerRecord>(peer));
   return records;
 }
 
@@ -139,7 +139,7 @@ std::vector<std::string> take_hosts_to_leave(const std::string& run_dir, const S
 
 void remove_accounts(const std::string& run_dir) {
   for (const char* file :
-       {kTrajectoryFiles.guests, kTrajectoryFiles.leave, kFrameFiles.guests, kFrameFiles.leave, kFeedFile})
+       {kTrajectoryFiles.peers, kTrajectoryFiles.leave, kFrameFiles.peers, kFrameFiles.leave, kFeedFile})
     unlink((run_dir + "/" + file).c_str());
 }
 

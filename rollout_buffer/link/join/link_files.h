@@ -14,8 +14,8 @@ namespace comrad::link {
 
 /// What an end of a link on the learner's host writes and reads.
 struct ServingFiles {
-  const char* guests;  ///< how each host stands
-  const char* leave;   ///< a line for each host that is to leave
+  const char* peers;  ///< how each host stands
+  const char* leave;  ///< a line for each host that is to leave
 };
 constexpr ServingFiles kTrajectoryFiles = {"guests.json", "hosts_to_leave.txt"};
 constexpr ServingFiles kFrameFiles = {"frame_guests.json", "frame_hosts_to_leave.txt"};

@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
                                 const link::LinkAddress& address) {
       const shm::ArenaShape& shape = arena.shape();
       spdlog::info("other hosts may join at {}, with room for {} simulators of other hosts", address.host,
-                   shape.guest_worker_count - shape.frame_guest_count);
+                   shape.remote_worker_count - shape.remote_frame_worker_count);
       return link::TrajectoryReceiverOptions{
           .first_worker = shape.served_worker_count(),
           .offer = offer,

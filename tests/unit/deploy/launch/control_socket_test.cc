@@ -96,8 +96,8 @@ TEST(ControlSocket, AnotherUserGetsNoAnswer) {
   ASSERT_TRUE(socket) << socket.error().message;
   int told[2];
   ASSERT_EQ(pipe(told), 0);
-  const pid_t stranger = fork();
-  if (stranger == 0) {
+  const pid_t other = fork();
+  if (other == 0) {
     if (setuid(65534) != 0) _exit(2);
     const auto client = connect_to_name(name);
     if (!client || write(client->get(), "{\"do\":\"stop\"}\n", 14) != 14) _exit(3);
@@ -107,7 +107,7 @@ TEST(ControlSocket, AnotherUserGetsNoAnswer) {
     _exit(write(told[1], answer, static_cast<std::size_t>(size)) == size ? 0 : 4);
   }
   int status = 0;
-  for (double now_s = 0; waitpid(stranger, &status, WNOHANG) == 0; now_s += 0.02) {
+  for (double now_s = 0; waitpid(other, &status, WNOHANG) == 0; now_s += 0.02) {
     socket->tick(now_s / 100);
     usleep(20'000);
   }

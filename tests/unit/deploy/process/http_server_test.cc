@@ -194,9 +194,9 @@ TEST_F(HttpServerTest, OpensNoWebSocketForUnknownPeers) {
        {std::string("GET /talk HTTP/1.1\r\n") + kUpgrade,
         std::string("GET /other?token=t HTTP/1.1\r\n") + kUpgrade,
         std::string("GET /talk?token=t HTTP/1.1\r\n") + kUpgrade + "Origin: http://evil.example\r\n"}) {
-    const Descriptor stranger = client();
-    say(stranger, request + "\r\n");
-    EXPECT_THAT(heard(stranger), StartsWith("HTTP/1.1 40")) << request;
+    const Descriptor unknown = client();
+    say(unknown, request + "\r\n");
+    EXPECT_THAT(heard(unknown), StartsWith("HTTP/1.1 40")) << request;
   }
   EXPECT_THAT(opened_, ElementsAre());
 }

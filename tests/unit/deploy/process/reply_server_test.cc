@@ -109,10 +109,10 @@ TEST_F(ReplyServerTest, OfManySilentClientsAFewAreHeldAndTheNextOnesServed) {
 TEST_F(ReplyServerTest, ARefusalIsTheAnswer) {
   ReplyServer server = this->server();
   refusal_ = "not you\n";
-  const Descriptor stranger = client();
-  say(stranger, "open\n");
+  const Descriptor unknown = client();
+  say(unknown, "open\n");
   server.tick(0);
-  EXPECT_EQ(heard(stranger), "not you\n");
+  EXPECT_EQ(heard(unknown), "not you\n");
 }
 
 TEST_F(ReplyServerTest, ReportsThePeerAndWhatIsTaken) {

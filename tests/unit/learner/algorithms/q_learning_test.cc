@@ -455,8 +455,8 @@ TEST_P(EveryAlgorithm, ACheckpointContinuesExactly) {
   EXPECT_TRUE(test::all_equal(one->parameters(), other->parameters()));
   EXPECT_TRUE(test::all_equal(one->target_parameters(), other->target_parameters()));
 
-  const auto stranger = q_learner(q_config(config.run.algo == "vdn" ? "idqn" : "vdn", true));
-  const Status refused = stranger->load(state);
+  const auto mismatched = q_learner(q_config(config.run.algo == "vdn" ? "idqn" : "vdn", true));
+  const Status refused = mismatched->load(state);
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find(config.run.algo.name()), std::string::npos);
 }

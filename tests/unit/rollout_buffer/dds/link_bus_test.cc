@@ -225,12 +225,12 @@ TEST(LinkBus, TwoHostsMeetByUnicastAndAnotherRunOfTheSameNetworkStaysApart) {
   };
   // Only the host that joins has the other one's address.
   const pid_t server = network.start(0, [&] { return answer_reports(config(id, 0, {}), kPatience_s); });
-  const pid_t stranger =
+  const pid_t unknown =
       network.start(1, [&] { return report_until_answered(config(id + 1, 1, {network.address(0)}), 4); });
   const pid_t joined = network.start(
       1, [&] { return report_until_answered(config(id, 1, {network.address(0)}), kPatience_s); });
   EXPECT_EQ(test::NetworkPair::wait(joined), 0) << "the host that joins was not answered";
-  EXPECT_EQ(test::NetworkPair::wait(stranger), 3) << "a run was answered by another run";
+  EXPECT_EQ(test::NetworkPair::wait(unknown), 3) << "a run was answered by another run";
   EXPECT_EQ(test::NetworkPair::wait(server), 0);
 }
 

@@ -222,7 +222,7 @@ TEST(Monitors, TwoRunsOfOneHostNeverMeetEvenInTheSameDomain) {
     while (bus && bus->write(WorkerStatus{.worker_id = worker})) usleep(50'000);
     _exit(1);
   };
-  const pid_t stranger = reports(other_id, "unknown"), ours = reports(id, "ours");
+  const pid_t other = reports(other_id, "unknown"), ours = reports(id, "ours");
   std::vector<std::string> heard;
   {
     LinkBus bus = open_bus(id);
@@ -233,7 +233,7 @@ TEST(Monitors, TwoRunsOfOneHostNeverMeetEvenInTheSameDomain) {
     eventually(
         bus, [&] { return listen(), false; }, 1.5);
   }
-  for (const pid_t run : {stranger, ours}) {
+  for (const pid_t run : {other, ours}) {
     kill(run, SIGKILL);
     waitpid(run, nullptr, 0);
   }

@@ -31,10 +31,10 @@ uint64_t fresh_id() {
   return (uint64_t{device()} << 32) | device();
 }
 
-shm::Arena make_arena(int sim_workers, int guests) {
+shm::Arena make_arena(int sim_workers, int remote_workers) {
   shm::ArenaShape shape = test::small_arena_shape();
   shape.sim_worker_count = sim_workers;
-  shape.guest_worker_count = guests;
+  shape.remote_worker_count = remote_workers;
   shape.slab_count = 32;
   shape.journal_steps = 0;
   auto arena = shm::Arena::create(shape, fresh_id());

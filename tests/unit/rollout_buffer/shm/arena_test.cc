@@ -601,7 +601,7 @@ TEST(Reclaim, ARolloutThatWasCountedButNotSealedIsPlayedAgain) {
 
 TEST(Reclaim, ARemoteWorkersRolloutIsTakenBackInItsSlot) {
   ArenaShape shape = small_arena_shape();
-  shape.guest_worker_count = 1;
+  shape.remote_worker_count = 1;
   const Arena arena = make_arena(shape);
   const uint32_t sealing = *arena.slabs().acquire(1);
   SlabHeader& header = arena.slabs().header(static_cast<int>(sealing));
@@ -631,7 +631,7 @@ TEST(Reclaim, AnEnvironmentOutOfRangeIsNobodysSlab) {
 
 TEST(RemoteWorkerSlots, AreThoseOfRemoteWorkersAlone) {
   ArenaShape shape = small_arena_shape();
-  shape.guest_worker_count = 1;
+  shape.remote_worker_count = 1;
   const Arena arena = make_arena(shape);
   for (int env = 4; env < 8; ++env)
     arena.remote_worker_slots().environment(env).rollout_index = static_cast<uint64_t>(env);

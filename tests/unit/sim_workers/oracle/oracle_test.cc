@@ -31,9 +31,9 @@ TEST(Oracle, IsFoundByTheScenariosName) {
   const auto game = game_of("coop_health_gathering");
   ASSERT_NE(game, nullptr);
   EXPECT_TRUE(make_oracle(*game));
-  DoomGame stranger = *game;
-  stranger.spec.name = stranger.spec.maps_of = "unheard_of";
-  const auto none = make_oracle(stranger);
+  DoomGame unknown = *game;
+  unknown.spec.name = unknown.spec.maps_of = "unheard_of";
+  const auto none = make_oracle(unknown);
   ASSERT_FALSE(none);
   EXPECT_EQ(none.error().code, ErrorCode::kNotFound);
   EXPECT_THAT(none.error().message, HasSubstr("coop_health_gathering"));

@@ -257,14 +257,14 @@ TEST(Children, AreKilledAndRemovedTogether) {
   Stage stage;
   Actor& mother = stage.spawn("DoomImp", 100, 200);
   Actor& child = stage.spawn("DoomImp", 300, 200);
-  Actor& stranger = stage.spawn("DoomImp", 500, 200);
+  Actor& other = stage.spawn("DoomImp", 500, 200);
   child.master_id = mother.id;
   act(stage, mother, ActionId::kKillChildren);
   EXPECT_LE(child.health, 0);
-  EXPECT_EQ(stranger.health, 60);
+  EXPECT_EQ(other.health, 60);
   act(stage, mother, ActionId::kRemoveChildren, {number(1)});
   EXPECT_TRUE(child.removed);
-  EXPECT_FALSE(stranger.removed);
+  EXPECT_FALSE(other.removed);
 }
 
 // ---------------------------------------------------------------- fading, flags, counting

@@ -43,9 +43,9 @@ shm::ArenaShape small_arena(int workers) {
 }
 
 /// The last `remote` of the workers are played by the far end.
-shm::Arena make_arena(int workers, uint64_t run_id, int guests = 0) {
+shm::Arena make_arena(int workers, uint64_t run_id, int remote_workers = 0) {
   shm::ArenaShape shape = small_arena(workers);
-  shape.guest_worker_count = shape.frame_guest_count = guests;
+  shape.remote_worker_count = shape.remote_frame_worker_count = remote_workers;
   auto arena = shm::Arena::create(shape, run_id);
   EXPECT_TRUE(arena) << arena.error().message;
   arena->control().run_state = shm::RunState::kRunning;

@@ -191,11 +191,11 @@ TEST(LinkFiles, AccountsAreReadAsTheyWereWritten) {
   EXPECT_FALSE(feed->has_ended);
   ASSERT_TRUE(write_peers(scratch.string(), kTrajectoryFiles,
                           {{.host = "b\"", .workers = 2, .is_here = true, .decisions = 5}}));
-  const auto guests = read_peers(scratch.string(), kTrajectoryFiles);
-  ASSERT_EQ(guests.size(), 1u);
-  EXPECT_EQ(guests[0].host, "b\"");
-  EXPECT_EQ(guests[0].decisions, 5u);
-  scratch.write(kTrajectoryFiles.guests, "{\"guests\": [1, {\"host\": 3}]}");
+  const auto peers = read_peers(scratch.string(), kTrajectoryFiles);
+  ASSERT_EQ(peers.size(), 1u);
+  EXPECT_EQ(peers[0].host, "b\"");
+  EXPECT_EQ(peers[0].decisions, 5u);
+  scratch.write(kTrajectoryFiles.peers, "{\"guests\": [1, {\"host\": 3}]}");
   EXPECT_EQ(read_peers(scratch.string(), kTrajectoryFiles).size(), 1u) << "what is no account is left out";
   remove_accounts(scratch.string());
   EXPECT_FALSE(read_feed(scratch.string()));

@@ -19,7 +19,7 @@ class RemoteWorkersTest : public ::testing::Test {
   static shm::Arena make_arena() {
     shm::ArenaShape shape = test::small_arena_shape();
     shape.sim_worker_count = 4;
-    shape.guest_worker_count = 3;
+    shape.remote_worker_count = 3;
     auto arena = shm::Arena::create(shape, 7);
     EXPECT_TRUE(arena) << arena.error().message;
     return std::move(*arena);

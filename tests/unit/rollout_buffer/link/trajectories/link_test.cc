@@ -37,12 +37,12 @@ uint64_t fresh_id() {
   return (uint64_t{device()} << 32) | device();
 }
 
-shm::Arena make_arena(int sim_workers, int slabs, int guests = 0) {
+shm::Arena make_arena(int sim_workers, int slabs, int remote_workers = 0) {
   shm::ArenaShape shape = test::small_arena_shape();
   shape.trajectory.env.height = 40;  // slabs of several fragments' worth of pages
   shape.trajectory.env.width = 60;
   shape.sim_worker_count = sim_workers;
-  shape.guest_worker_count = guests;
+  shape.remote_worker_count = remote_workers;
   shape.slab_count = slabs;
   shape.journal_steps = 0;
   auto arena = shm::Arena::create(shape, fresh_id());

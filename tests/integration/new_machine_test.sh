@@ -3,22 +3,22 @@
 # ./comrad train ends at its goal; ./comrad test fails in nothing and skips only what tests/SKIPPED.md lists (CI=true looks at that, and
 # at warnings of the compiler).
 #
-#   stranger_test.sh RELEASE      bookworm or trixie
+#   new_machine_test.sh RELEASE      bookworm or trixie
 #
 # Needs root, namespaces, mmdebstrap (deploy/packages_test.txt), a git checkout and a mirror of Debian: the machine's own sources, set
 # to that release. pip in the new root has the machine's configuration. Ends with 77 where one of these is missing.
-# COMRAD_STRANGER_TESTS has arguments for the second command: '-L unit'. COMRAD_STRANGER_ROOT names a folder to keep the new root in,
+# COMRAD_NEW_MACHINE_TESTS has arguments for the second command: '-L unit'. COMRAD_NEW_MACHINE_ROOT names a folder to keep the new root in,
 # build and all, and to take it from the next time.
 set -euo pipefail
 release="$1"
 home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
 scratch="$(mktemp -d)"
-root="${COMRAD_STRANGER_ROOT:-${scratch}/root}"
+root="${COMRAD_NEW_MACHINE_ROOT:-${scratch}/root}"
 trap 'rm -rf --one-file-system "${scratch}"' EXIT
 # shellcheck source=deploy/package/root.sh
 source "${home}/deploy/package/root.sh"
 
-say() { echo "stranger_test, ${release}: $*"; }
+say() { echo "new_machine_test, ${release}: $*"; }
 fail() {
   say "$*" >&2
   exit 1
@@ -49,7 +49,7 @@ grep '^comrad: ' "${scratch}/train.log"
 say "installed, built and trained in $((SECONDS - begin)) s"
 
 begin="${SECONDS}"
-read -ra tests <<<"${COMRAD_STRANGER_TESTS:-}"
+read -ra tests <<<"${COMRAD_NEW_MACHINE_TESTS:-}"
 code=0
 inside CI=true ./comrad test "${tests[@]}" >"${scratch}/test.log" 2>&1 </dev/null || code=$?
 sed -n '/^Skipped, in whole or in part:/,$p' "${scratch}/test.log"

@@ -1,4 +1,4 @@
-#include "rollout_buffer/dds/strangers.h"
+#include "rollout_buffer/dds/unknown_peers.h"
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
@@ -9,7 +9,7 @@ namespace {
 constexpr double kBetweenLooks_s = 1;
 constexpr double kPatience_s = 8;  // a handshake takes 0.3 s; on a busy host seconds
 constexpr int kMostLines = 20;     // a peer with a new participant for each line must not fill the disk
-constexpr std::size_t kMostGuests = 1000;
+constexpr std::size_t kPeersMax = 1000;
 constexpr std::size_t kMostShownBytes = 64;
 
 // Another host's description of itself, fit for a log.
@@ -34,13 +34,13 @@ std::string key_of(const dds_guid_t& guid) {
 
 }  // namespace
 
-bool is_about_a_stranger(std::string_view line) {
+bool is_about_an_unknown_peer(std::string_view line) {
   const auto has = [&](std::string_view words) { return line.find(words) != std::string_view::npos; };
   return has("handshake") || (has("emote secure participant") && has("not allowed")) ||
          (has("Non secure remote") && has("not allowed"));
 }
 
-Strangers::Strangers(dds_entity_t participant)
+UnknownPeers::UnknownPeers(dds_entity_t participant)
     : participants_(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, nullptr)),
       writers_(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, nullptr, nullptr)),
       readers_(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION, nullptr, nullptr)) {
@@ -48,7 +48,7 @@ Strangers::Strangers(dds_entity_t participant)
   if (dds_get_guid(participant, &guid) == DDS_RETCODE_OK) own_ = key_of(guid);
 }
 
-void Strangers::look() {
+void UnknownPeers::look() {
   const double now_s = monotonic_s();
   if (now_s - looked_s_ < kBetweenLooks_s) return;
   looked_s_ = now_s;
@@ -56,29 +56,29 @@ void Strangers::look() {
     const auto& seen = *static_cast<const dds_builtintopic_participant_t*>(sample);
     const Key key = key_of(seen.key);
     if (info.instance_state != DDS_IST_ALIVE) {
-      guests_.erase(key);
-    } else if (key != own_ && guests_.size() < kMostGuests) {
-      Guest& guest = guests_[key];
-      if (guest.since_s == 0) guest.since_s = now_s;
+      peers_.erase(key);
+    } else if (key != own_ && peers_.size() < kPeersMax) {
+      Peer& peer = peers_[key];
+      if (peer.since_s == 0) peer.since_s = now_s;
       if (info.valid_data)
-        guest.who = "host '" + property(seen.qos, "__Hostname") + "', process " + property(seen.qos, "__Pid");
+        peer.who = "host '" + property(seen.qos, "__Hostname") + "', process " + property(seen.qos, "__Pid");
     }
   });
   for (const dds_entity_t reader : {writers_, readers_})
     take_all(reader, [&](const void* sample, const dds_sample_info_t&) {
-      const auto guest =
-          guests_.find(key_of(static_cast<const dds_builtintopic_endpoint_t*>(sample)->participant_key));
-      if (guest != guests_.end()) guest->second.is_known = true;
+      const auto peer =
+          peers_.find(key_of(static_cast<const dds_builtintopic_endpoint_t*>(sample)->participant_key));
+      if (peer != peers_.end()) peer->second.is_known = true;
     });
-  for (auto& [key, guest] : guests_) {
-    if (guest.is_known || guest.is_written || now_s - guest.since_s < kPatience_s) continue;
-    guest.is_written = true;
+  for (auto& [key, peer] : peers_) {
+    if (peer.is_known || peer.is_written || now_s - peer.since_s < kPatience_s) continue;
+    peer.is_written = true;
     if (++lines_ > kMostLines) continue;
     spdlog::warn(
         "refused a participant (by its own words {}) with this link's id but without a key of the same "
         "authority: "
         "it gets nothing and is not listened to{}",
-        guest.who, lines_ == kMostLines ? "; more such are not logged" : "");
+        peer.who, lines_ == kMostLines ? "; more such are not logged" : "");
   }
 }
 

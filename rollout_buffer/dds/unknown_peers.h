@@ -24,17 +24,17 @@ void take_all(dds_entity_t reader, Visit visit) {
 }
 
 /// Whether a line of Cyclone's log only reports a failed handshake or a refused peer.
-bool is_about_a_stranger(std::string_view line);
+bool is_about_an_unknown_peer(std::string_view line);
 
 /// Threads: one.
-class Strangers {
+class UnknownPeers {
  public:
-  explicit Strangers(dds_entity_t participant);
+  explicit UnknownPeers(dds_entity_t participant);
   /// Looks once a second at most. Call often.
   void look();
 
  private:
-  struct Guest {
+  struct Peer {
     double since_s = 0;
     std::string who;
     bool is_known = false;    ///< its key was accepted
@@ -44,7 +44,7 @@ class Strangers {
 
   dds_entity_t participants_ = 0, writers_ = 0, readers_ = 0;
   Key own_;
-  std::map<Key, Guest> guests_;
+  std::map<Key, Peer> peers_;
   int lines_ = 0;
   double looked_s_ = 0;
 };
