@@ -125,7 +125,7 @@ int32_t spawn_projectile(const Caller& caller, int32_t source_id, uint32_t named
       made.set(ActorFlag::kNoGravity);
     }
     if (made.has(ActorFlag::kMissile)) {
-      if (check_missile_spawn(world, made)) ++count;
+      if (check_missile_spawn(world, made, source.radius)) ++count;
     } else if (fits_here(world, made)) {
       ++count;
     } else {

@@ -1344,7 +1344,7 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kSetWeapon: {
       const int player = caller_.activator_player();
       const std::optional<uint32_t> type = caller_.type_named(pop());
-      return push(player >= 0 && type && select_weapon(world_, player, *type));
+      return push(player >= 0 && type && select_weapon(world_, player, *type, true));
     }
     case PCode::kCheckWeapon: {
       const int player = caller_.activator_player();

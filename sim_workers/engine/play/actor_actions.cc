@@ -162,7 +162,7 @@ Actor* launch(World& world, Actor& source, uint32_t type, const Launch& way, boo
   missile.target_id = owner->id;
   if (missile.has(ActorFlag::kSeekerMissile))
     missile.tracer_id = source.has(ActorFlag::kMissile) ? source.tracer_id : source.target_id;
-  return check_missile_spawn(world, missile) ? &missile : nullptr;
+  return check_missile_spawn(world, missile, source.radius) ? &missile : nullptr;
 }
 
 /// Speeds along the ground and upwards of a missile that flies from (x, y, z) at `target`.
@@ -665,8 +665,10 @@ void action_SpawnItem(ActionCall& call) {
   if (asked == kNoType) return;
   World& world = call.world;
   const uint32_t type = world.catalog().replacement(asked);
+  // A quirk of ViZDoom's: without a distance it is a 65536th of both radii, all but none.
   Fixed ahead = call.fixed(1, 0);
-  if (ahead == 0) ahead = clamped_fixed(int64_t{call.self.radius} + world.catalog()[type].radius);
+  if (ahead == 0)
+    ahead = static_cast<Fixed>((int64_t{call.self.radius} + world.catalog()[type].radius) >> kFracBits);
   const Place place = beside(call.self, call.self.angle, ahead, 0);
   Actor& item = world.spawn_unchecked(
       type, place.x, place.y, clamped_fixed(int64_t{call.self.z} + call.fixed(2, 0)), call.self.angle);

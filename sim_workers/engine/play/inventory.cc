@@ -682,7 +682,7 @@ void tic_powers(World& world, int player_index, bool fresh) {
 int32_t absorb_damage(World& world, int player_index, int32_t damage, DamageType type) {
   Player& player = player_at(world, player_index);
   if (damage <= 0) return damage;
-  if (type == DamageType::kDrowning || type == DamageType::kInstantDeath || player.armor <= 0) return damage;
+  if (type == DamageType::kDrowning || player.armor <= 0) return damage;
   const auto part = static_cast<int32_t>((int64_t{damage} * player.armor_save) >> kFracBits);
   const int32_t saved = std::clamp(part, 0, player.armor);
   player.armor -= saved;

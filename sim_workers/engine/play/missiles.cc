@@ -52,20 +52,24 @@ void explode_missile(World& world, Actor& missile, Actor* struck) {
     missile.tics = std::max(1, missile.tics - (world.random_byte() & 3));
 }
 
-bool check_missile_spawn(World& world, Actor& missile) {
+bool check_missile_spawn(World& world, Actor& missile, Fixed reach) {
   if (missile.has(ActorFlag::kRandomize) && missile.tics > 1)
     missile.tics = std::max(1, missile.tics - (world.random_byte() & 3));
-  // Half a step ahead, so that it does not start inside its shooter.
+  // Ahead of its shooter, but within the shooter's radius: half a step, or half of that, and so on.
+  const int64_t speed = length_of(missile.velocity_x, missile.velocity_y, 0);
+  int32_t parts = 2;
+  while (speed / parts >= std::max(reach, kFracUnit) && parts < kFracUnit) parts *= 2;
   const uint32_t id = missile.id;
-  missile.z = clamped_fixed(int64_t{missile.z} + missile.velocity_z / 2);
+  missile.z = clamped_fixed(int64_t{missile.z} + missile.velocity_z / parts);
   Movement movement(world);
   const std::size_t slot = world.slot_of(missile);
-  const Fixed x = clamped_fixed(int64_t{missile.x} + missile.velocity_x / 2);
-  const Fixed y = clamped_fixed(int64_t{missile.y} + missile.velocity_y / 2);
+  const Fixed x = clamped_fixed(int64_t{missile.x} + missile.velocity_x / parts);
+  const Fixed y = clamped_fixed(int64_t{missile.y} + missile.velocity_y / parts);
+  // It strikes from there and ends there, also where that is inside of what stopped it (measured: the push of a rocket fired into a
+  // near wall).
+  movement.place(slot, x, y, opening_of_point(world, x, y));
   if (movement.try_move(slot, x, y)) return !missile.removed;
   if (world.actor(id) == nullptr) return false;
-  // It ends there, also where that is inside of what stopped it (measured: the push of a rocket fired into a near wall).
-  movement.place(slot, x, y, opening_of_point(world, x, y));
   if (missile.has(ActorFlag::kMissile)) movement.stop_missile(slot);
   return false;
 }
@@ -87,7 +91,7 @@ Actor* spawn_missile_z(World& world, Actor& source, Fixed z, Actor& target, uint
   missile.velocity_x = fixed_mul(flat_speed, fine_cosine(angle));
   missile.velocity_y = fixed_mul(flat_speed, fine_sine(angle));
   missile.velocity_z = clamped_fixed(missile.speed * dz / length);
-  return check_missile_spawn(world, missile) ? &missile : nullptr;
+  return check_missile_spawn(world, missile, source.radius) ? &missile : nullptr;
 }
 
 Actor* spawn_missile(World& world, Actor& source, Actor& target, uint32_t type) {
@@ -130,7 +134,7 @@ Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angl
     return static_cast<Fixed>(static_cast<double>(missile.speed * way) / length);
   };
   missile.velocity_x = part(way_x), missile.velocity_y = part(way_y), missile.velocity_z = part(way_z);
-  return check_missile_spawn(world, missile) ? &missile : nullptr;
+  return check_missile_spawn(world, missile, body.radius) ? &missile : nullptr;
 }
 
 }  // namespace comrad::doom

@@ -232,14 +232,17 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
         // A player steps up onto what is no higher than a stair.
         const bool steps_up = touch && body.player_index >= 0 &&
                               int64_t{other.top()} - body.z <= world_.type_of(body).max_step_height;
+        // A solid dead monster stops who cannot step onto it, and holds nobody.
+        const bool holds = !other.is_corpse() || !other.has(ActorFlag::kIsMonster);
         if (body.z >= other.top()) {
-          check.floor_z = std::max(check.floor_z, other.top());
+          if (holds) check.floor_z = std::max(check.floor_z, other.top());
         } else if (body.top() <= other.z) {
           check.ceiling_z = std::min(check.ceiling_z, other.z);
         } else if (!charges && moves_apart(body, other, x, y)) {
           continue;  // nor is it a step
         } else if (steps_up) {
-          check.floor_z = std::max(check.floor_z, other.top());
+          check.steps_onto_actor = true;
+          if (holds) check.floor_z = std::max(check.floor_z, other.top());
         } else {
           check.blocked_by_actor = true;
           check.blocking_actor_id = other.id;
@@ -554,8 +557,9 @@ void Movement::stop_missile(std::size_t slot) {
       return;
     }
   }
-  if (!last_.blocked_by_actor && last_.blocking_line >= 0) {
-    const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(last_.blocking_line)];
+  if (const int32_t struck = last_.blocking_line >= 0 ? last_.blocking_line : last_.ceiling_line;
+      !last_.blocked_by_actor && struck >= 0) {
+    const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(struck)];
     if (state_.lines[line.linedef_index].special != 0) {
       Actor* const shooter = world_.actor(body.target_id);  // for whom the line acts
       world_.events().activate_line(world_, line.linedef_index, shooter != nullptr ? *shooter : body,
@@ -593,7 +597,8 @@ void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_b
       if (slides && (body.velocity_x != speed_x || body.velocity_y != speed_y))
         break;  // a line that it ran into
       if (slides) {
-        if (last_.blocked_by_actor) {
+        // A quirk of ViZDoom's: a wall behind a body that is a step counts as the body.
+        if (last_.blocked_by_actor || last_.steps_onto_actor) {
           slide_along_body(slot, x, y);
         } else {
           // Not the way to (x, y): that is longer by what the steps before lost to rounding.

@@ -40,6 +40,7 @@ void turn_along(const Way& wall, Way& move);
 struct PositionCheck {
   bool fits = true;               ///< no wall and no solid body in the way
   bool blocked_by_actor = false;  ///< the reason is a body, not a wall
+  bool steps_onto_actor = false;  ///< a body in the way is low enough to step onto
   uint32_t blocking_actor_id = 0;
   int32_t blocking_line = -1;
   Fixed floor_z = 0;                ///< highest floor below the body, tops of solid bodies below it included

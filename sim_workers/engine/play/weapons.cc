@@ -258,11 +258,11 @@ void choose_weapon(World& world, int player_index, const Buttons& buttons) {
   if (chosen != kNoType && chosen != player.ready_weapon) player.pending_weapon = chosen;
 }
 
-bool select_weapon(World& world, int player_index, uint32_t type) {
+bool select_weapon(World& world, int player_index, uint32_t type, bool by_script) {
   Player& player = player_at(world, player_index);
   if (!owns_weapon(world, player_index, type)) return false;
   if (player.ready_weapon == type) {
-    player.pending_weapon = kNoType;  // it stays, whatever was requested before
+    if (by_script) player.pending_weapon = kNoType;  // it stays; an item lets it go as was requested before
     return true;
   }
   if (!has_any_ammo_for(world, player_index, type)) return false;

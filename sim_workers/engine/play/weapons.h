@@ -15,8 +15,8 @@ void raise_weapon(World& world, int player);
 void drop_weapon(World& world, int player);  ///< lowers it: the player died
 /// Keys of this tic: slots (edge-triggered), next, previous.
 void choose_weapon(World& world, int player, const Buttons& buttons);
-bool select_weapon(World& world, int player,
-                   uint32_t type);  ///< requests an owned weapon (SetWeapon); false: not owned
+/// Requests an owned weapon (A_SelectWeapon; `by_script`: SetWeapon); false: not owned.
+bool select_weapon(World& world, int player, uint32_t type, bool by_script = false);
 void fire_weapon(World& world, int player, bool alternately = false);
 /// True where it has what a shot needs; otherwise picks another weapon, if `switches`.
 bool check_ammo(World& world, int player, bool switches, bool alternately = false);

@@ -24,6 +24,14 @@ struct DoorOrder {
   bool remote_rules = false;    // a generic door does not turn round when it is used again
 };
 
+/// Quirks of ViZDoom's: a door closes onto the floor where it is now, unless a lift has moved that (Plat_DownWaitUpStay). A
+/// door that starts on such a lift closes onto its own ceiling until the floor changes without one.
+void look_for_floor(const World& world, SectorMover& door) {
+  const Fixed floor = world.sectors()[door.sector].floor_height;
+  if (door.low_2 == floor || is_on_lift(world, door.sector)) return;
+  door.low = door.low_2 = floor;
+}
+
 void start_door(World& world, uint32_t sector, const DoorOrder& order) {
   SectorMover door;
   door.sector = sector;
@@ -32,9 +40,11 @@ void start_door(World& world, uint32_t sector, const DoorOrder& order) {
   door.speed = order.speed;
   door.wait_tics = order.wait_tics;
   door.light_tag = order.light_tag;
-  door.low = world.sectors()[sector].floor_height;
+  const Sector& own = world.sectors()[sector];
+  door.low_2 = own.floor_height;  // as the door saw it last
+  door.low = is_on_lift(world, sector) ? own.ceiling_height : own.floor_height;
   const Fixed open = height_sum(lowest_ceiling_around(world, sector), -int64_t{kDoorGap});
-  door.high = order.type == kCloseWaitOpen ? world.sectors()[sector].ceiling_height : open;
+  door.high = order.type == kCloseWaitOpen ? own.ceiling_height : open;
   switch (order.type) {
     case kRaise:
     case kOpen:
@@ -162,6 +172,7 @@ void start_doors(World& world) {
 }
 
 void tic_door(World& world, SectorMover& door) {
+  look_for_floor(world, door);
   switch (door.phase) {
     case MoverPhase::kInitialWait:
       if (--door.left_tics > 0) return;

@@ -67,6 +67,7 @@ SectorMover& start_mover(World& world, const SectorMover& mover);
 void stop_mover(World& world, SectorMover& mover);
 /// The mover of a sector's plane; null: it rests.
 SectorMover* find_mover(World& world, uint32_t sector, int32_t planes);
+bool is_on_lift(const World& world, uint32_t sector);  ///< a lift that goes down first moves its floor
 
 // ---- planes
 

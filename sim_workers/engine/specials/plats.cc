@@ -238,6 +238,14 @@ std::optional<int32_t> execute_plat(World& world, const SpecialCall& call) {
   return order_plat(world, call, a[0], order);
 }
 
+bool is_on_lift(const World& world, uint32_t sector) {
+  for (const SectorMover& mover : world.state().movers.sectors)
+    if (!mover.removed && mover.sector == sector && mover.kind == MoverKind::kPlat &&
+        mover.type == kDownWaitUpStay)
+      return true;
+  return false;
+}
+
 void tic_plat(World& world, SectorMover& plat) {
   switch (plat.phase) {
     case MoverPhase::kUp:

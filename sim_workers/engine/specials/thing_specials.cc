@@ -94,7 +94,7 @@ int32_t throw_from_spots(World& world, Actor* activator, const Throw& what) {
         missile.velocity_z = clamped_units(what.vertical_speed) / 8;
       }
       ++thrown;
-      if (missile.has(ActorFlag::kMissile)) check_missile_spawn(world, missile);
+      if (missile.has(ActorFlag::kMissile)) check_missile_spawn(world, missile, spot.radius);
     };
     if (what.target == 0) {
       throw_one(nullptr);

@@ -85,6 +85,15 @@ void tic_actor(World& world, std::size_t slot) {
   set_state(world, actor, world.catalog().state(actor.state).next);
 }
 
+/// The last actor that is neither a player nor an item; the count of actors where there is none.
+std::size_t last_plain_actor(const World& world) {
+  const StableList<Actor>& actors = world.actors();
+  for (std::size_t slot = actors.size(); slot-- > 0;)
+    if (actors[slot].player_index < 0 && world.type_of(actors[slot]).item_class == ItemClass::kNone)
+      return slot;
+  return actors.size();
+}
+
 /// Powers act as the actors that they are in ViZDoom: after the players, and already in the tic that gives them.
 void tic_all_powers(World& world, bool fresh) {
   for (int player = 0; player < world.player_count(); ++player)
@@ -125,7 +134,8 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
     return;
   }
   static constexpr Buttons kNothing{};
-  const std::size_t old_movers = world.state().movers.sectors.size(), old_actors = world.actors().size();
+  std::size_t old_movers = world.state().movers.sectors.size();
+  const std::size_t old_actors = world.actors().size();
   PlayerThinker thinker(world);
   for (int player = 0; player < world.player_count(); ++player) {
     const auto index = static_cast<std::size_t>(player);
@@ -134,13 +144,21 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
     thinker.tic_hand(player);
   }
   carry_bodies(world);
-  for (std::size_t slot = 0; slot < old_actors; ++slot) tic_actor(world, slot);
+  // A quirk of ViZDoom's: what actors start in the first tic acts before the scripts, but for what the last of them starts.
+  const std::size_t last = world.tic_count() == 0 ? last_plain_actor(world) : old_actors;
+  std::size_t before_scripts = old_actors;
+  for (std::size_t slot = 0; slot < old_actors; ++slot) {
+    if (slot == last)
+      old_movers = world.state().movers.sectors.size(), before_scripts = world.actors().size();
+    tic_actor(world, slot);
+  }
+  for (std::size_t slot = old_actors; slot < before_scripts; ++slot) tic_actor(world, slot);
   tic_all_powers(world, false);
   const std::size_t first_new_mover = tic_movers(world, old_movers);
   const std::size_t old_scrollers = world.state().movers.scrollers.size();
   acs::tic_machine(world);
   // What spawned in this tic acts in it too, after the scripts, as in ViZDoom; the list grows meanwhile.
-  for (std::size_t slot = old_actors; slot < world.actors().size(); ++slot) tic_actor(world, slot);
+  for (std::size_t slot = before_scripts; slot < world.actors().size(); ++slot) tic_actor(world, slot);
   tic_all_powers(world, true);
   tic_new_movers(world, first_new_mover, old_scrollers);
   if (reaches_frag_limit(world)) world.exit_level();

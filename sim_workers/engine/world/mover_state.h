@@ -32,8 +32,9 @@ struct SectorMover {
   MoverPhase phase = MoverPhase::kUp;
   int32_t type = 0;  ///< variety, by its special (raise-and-close, perpetual, ...)
   Fixed speed = 0, return_speed = 0;
-  Fixed low = 0, high = 0;      ///< of a floor or a ceiling: where it stops
-  Fixed low_2 = 0, high_2 = 0;  ///< of the other plane, where both move
+  Fixed low = 0, high = 0;  ///< of a floor or a ceiling: where it stops
+  Fixed low_2 = 0,
+        high_2 = 0;  ///< of the other plane, where both move; low_2 of a door: the floor it saw last
   int32_t wait_tics = 0, left_tics = 0;
   int32_t crush = -1;  ///< damage; -1: stops and goes back
   int32_t tag = 0;

@@ -531,5 +531,140 @@ TEST(VizdoomGames, AShutSectorWagglesPastItsOtherPlane) {
   }
 }
 
+// Probe: a sector from 56 to 240, beside 0 and 256. A door closes onto the floor where it is now, unless a lift has moved that; one
+// that starts on the lift closes onto its own ceiling.
+TEST(VizdoomGames, ADoorClosesOntoTheFloorAsItIs) {
+  const SpecialCall door{.number = Special::kDoor_Raise, .args = {2, 32, 60}};
+  const SpecialCall lift{.number = Special::kPlat_DownWaitUpStay, .args = {2, 32, 1500}};
+  const SpecialCall sinks{.number = Special::kPlat_DownByValue, .args = {2, 64, 1500, 3}};
+  for (const auto& [first, second, closed] : {std::tuple{lift, door, 240}, std::tuple{door, lift, 56},
+                                              std::tuple{sinks, door, 32}, std::tuple{door, sinks, 32}}) {
+    test::LevelBuilder builder = room();
+    const uint32_t inner = builder.sector(56, 240, 2);
+    builder.island(inner, 0, 100, -64, 228, 64);
+    Game game(builder.build());
+    game.world.events().run_special(game.world, first);
+    game.world.events().run_special(game.world, second);
+    game.tic({}, 250);
+    EXPECT_EQ(game.world.sectors()[inner].ceiling_height, to_fixed(closed)) << closed;
+  }
+}
+
+// ---------------------------------------------------------------- the last ten of 500 games
+
+// Probe: a pistol requested while the fist strikes, then A_SelectWeapon("Fist") of an item: the pistol comes up; after
+// SetWeapon("Fist") the fist stays.
+TEST(VizdoomGames, AnItemThatSelectsTheWeaponInTheHandLeavesTheRequest) {
+  for (const bool by_script : {false, true}) {
+    Game game(room().build());
+    select_weapon(game.world, 0, game.type("Fist"));
+    game.tic({}, 60);
+    ASSERT_TRUE(select_weapon(game.world, 0, game.type("Pistol")));
+    EXPECT_TRUE(select_weapon(game.world, 0, game.type("Fist"), by_script));
+    game.tic({}, 60);
+    EXPECT_EQ(game.player().ready_weapon, game.type(by_script ? "Fist" : "Pistol"));
+  }
+}
+
+// Probe: a bob of the player in the air after it stood up from crouching, which leaves it a hair lower than before.
+TEST(VizdoomGames, TheBobInTheAirLosesAnEighthToTheLeastCrouch) {
+  for (const bool lower : {false, true}) {
+    Game game(room().build());
+    if (lower) game.player().crouch_factor = kFracUnit - 1;
+    set_position(game.world, game.body().id, 0, 0, to_fixed(200));  // no room to stand up
+    Buttons keys;
+    keys.forward = keys.speed = true;
+    game.tic(keys);
+    EXPECT_NEAR(game.player().walk_x, lower ? 350 : 400, 1);
+  }
+}
+
+// Probe: a solid monster that is dead: who can step onto it walks through it, and who is above falls through.
+TEST(VizdoomGames, DeadMonstersHoldNobody) {
+  const auto own = catalog_with(
+      "actor A 20300 { Radius 40 Height 32 Health 1 +SOLID +SHOOTABLE States { Spawn: TNT1 A -1 stop "
+      "Death: TNT1 A -1 stop } }\nactor B : A 20301 { +ISMONSTER }");
+  for (const int number : {20300, 20301})
+    for (const bool falls : {false, true}) {
+      Game game(room().thing(number, 132, 0, 0, 5).build(), {}, own);
+      damage_actor(game.world, *game.world.find_thing(5), nullptr, nullptr, 11, DamageType::kNormal);
+      if (falls) set_position(game.world, game.body().id, to_fixed(132), 0, to_fixed(60));
+      Buttons keys;
+      keys.forward = !falls;
+      Fixed lowest = INT32_MAX;
+      for (int tic = 0; tic < 25; ++tic) {
+        game.tic(keys);
+        if (std::abs(game.body().x - to_fixed(132)) < to_fixed(50)) lowest = std::min(lowest, game.body().z);
+      }
+      EXPECT_EQ(lowest, number == 20301 ? 0 : to_fixed(8)) << number << falls;
+    }
+}
+
+// Probe: A_SpawnItem("It") by a body of radius 16, an item of 20: 36 of 65536 units ahead.
+TEST(VizdoomGames, AnItemWithoutADistanceIsSpawnedAllButThere) {
+  const auto own = catalog_with(
+      "actor It 20300 { Radius 20 States { Spawn: TNT1 A -1 stop } }\n"
+      "actor A 20301 { Radius 16 States { Spawn: TNT1 A 1\nTNT1 A 5 A_SpawnItem(\"It\")\nTNT1 A -1 stop } }");
+  Game game(room().thing(20301, 100, 0, 180, 5).build(), {}, own);
+  game.tic({}, 10);
+  int found = 0;
+  for (const Actor& actor : game.world.actors()) {
+    if (actor.type != game.type("It")) continue;
+    ++found;
+    EXPECT_EQ(actor.x, to_fixed(100) - 36);
+  }
+  EXPECT_EQ(found, 1);
+}
+
+// Probe: SpawnProjectile and A_FireCustomMissile: half a step ahead, or half of that, until it is less than the radius of the one
+// that launches.
+TEST(VizdoomGames, AMissileStartsWithinItsShooter) {
+  for (const auto& [speed, ahead] : {std::tuple{20, 10.0}, std::tuple{31, 15.5}, std::tuple{32, 8.0},
+                                     std::tuple{40, 10.0}, std::tuple{100, 12.5}}) {
+    const auto own = catalog_with("actor M 20100 { Projectile Speed " + std::to_string(speed) +
+                                  " States { Spawn: TNT1 A 1 loop } }");
+    Game game(room().build(), {}, own);
+    const Actor* missile = spawn_player_missile(game.world, game.body(), game.type("M"), 0, 0, 0, 0);
+    ASSERT_NE(missile, nullptr);
+    EXPECT_NEAR(to_double(missile->x), ahead, 0.01) << speed;
+  }
+}
+
+// Probe: a missile of speed 10 that begins inside a body pushes it away from where it began, 5 units ahead.
+TEST(VizdoomGames, AMissileStrikesFromWhereItBegins) {
+  const auto own = catalog_with(
+      "actor M 20100 { Projectile Speed 10 Damage (10) States { Spawn: TNT1 A 1 loop Death: TNT1 A 9 stop } "
+      "}\n"
+      "actor T 20300 { Radius 20 Height 56 +SHOOTABLE +SOLID +NOBLOOD Health 1000 States { Spawn: TNT1 A -1 "
+      "stop } }");
+  Game game(room().thing(20300, 30, 15, 0, 5).build(), {}, own);
+  spawn_player_missile(game.world, game.body(), game.type("M"), 0, 0, 0, 0);
+  const Actor& struck = *game.world.find_thing(5);
+  EXPECT_NEAR(std::atan2(struck.velocity_y, struck.velocity_x), std::atan2(15, 30 - 5), 0.01);
+}
+
+// Probe: a missile against a sector whose ceiling lies below it: the line acts, also where its floor is no step.
+TEST(VizdoomGames, ALoweredCeilingIsHitLikeAWall) {
+  test::LevelBuilder builder = room();
+  builder.island(builder.sector(-8, -8, 2), 0, 100, -64, 228, 64);
+  for (std::size_t line = 4; line < 8; ++line)
+    builder.line(line).special = 128, builder.line(line).args = {0, 20, 0, 0, 0},
+    builder.line(line).flags |= kLineImpact;
+  Game game(builder.build());
+  ASSERT_NE(spawn_player_missile(game.world, game.body(), game.type("Rocket"), 0, 0, 0, 0), nullptr);
+  Fixed highest = 0;
+  for (int tic = 0; tic < 40; ++tic) game.tic(), highest = std::max(highest, game.body().z);
+  EXPECT_GE(highest, to_fixed(5));
+}
+
+// Probe: 30 points of InstantDeath against green armour: 20, and 10 of the armour.
+TEST(VizdoomGames, ArmourProtectsFromInstantDeath) {
+  Game game(room().build());
+  give_item(game.world, 0, game.type("GreenArmor"), 1);
+  damage_actor(game.world, game.body(), nullptr, nullptr, 30, DamageType::kInstantDeath);
+  EXPECT_EQ(game.player().health, 80);
+  EXPECT_EQ(game.player().armor, 90);
+}
+
 }  // namespace vizdoom_games_test
 }  // namespace comrad::doom
