@@ -85,8 +85,7 @@ class Wheel(unittest.TestCase):
             frames.append(float(run(FIRST_FRAME)))
         needed, whole = (min(of_script) for of_script in times.values())
         print(f"least of {FASTEST_OF}, processor time with Python's start: import comrad {whole:.3f} s, of what it needs {needed:.3f} s; first frame {min(frames):.3f} s")
-        # On a busy machine processor time is longer, too; then what is the package's own counts.
-        self.assertTrue(whole < 0.3 or whole - needed < 0.1)
+        self.assertLess(whole, 0.3)
         self.assertLess(min(frames), 0.2)
 
     def test_what_the_machine_lacks_is_one_line(self):
