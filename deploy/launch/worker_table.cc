@@ -15,6 +15,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/metrics/learner_messages.h"
+#include "rollout_buffer/shm/arena_socket.h"
 #include "rollout_buffer/shm/step_slots.h"
 
 namespace comrad::deploy {
@@ -34,7 +35,10 @@ constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"learner", "comrad-learner", "learner"},
                            {"receiver", "comrad-trajectory-receiver", "trajectory receiver"},
                            {"frame-receiver", "comrad-frame-receiver", "frame receiver"},
-                           {"trajectory-sender", "comrad-trajectory-sender", "trajectory sender"}};
+                           {"sender", "comrad-trajectory-sender", "trajectory sender"}};
+static_assert(std::ranges::all_of(kKinds, [](const Kind& kind) {
+  return std::string_view(kind.word).size() < sizeof(shm::JoinRequest::role);
+}));
 constexpr bool is_single(Role role) { return role != Role::kSim && role != Role::kPolicy; }
 constexpr const char* kRecordingSimulator = "comrad-sim-video";
 constexpr const char* kShowingSimulator = "comrad-sim-watch";

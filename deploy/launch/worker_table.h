@@ -27,7 +27,7 @@ enum class Role { kSim, kPolicy, kLearner, kTrajectoryReceiver, kFrameReceiver, 
 constexpr std::size_t kRoleCount = 6;
 /// "simulators", "policy workers", "learner", "trajectory receiver", "frame receiver", "trajectory sender".
 const char* name_of(Role role);
-/// "sim", "policy", "learner", "receiver", "frame-receiver", "trajectory-sender": as it joins.
+/// "sim", "policy", "learner", "receiver", "frame-receiver", "sender": as it joins.
 const char* word_of(Role role);
 
 /// One worker's place in the run; the process in it may change.

@@ -62,6 +62,7 @@ bool is_seed(const std::string& text) {
 class RunWatcher {
  public:
   explicit RunWatcher(const std::string& run_dir) : view_(run_dir) {
+    seen_.checkpoint = view_.newest_checkpoint();  // the first game names it
     if (!run_dir.empty()) thread_ = std::thread([this] { work(); });
   }
   RunWatcher(const RunWatcher&) = delete;

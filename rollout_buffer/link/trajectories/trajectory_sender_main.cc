@@ -62,7 +62,7 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config, double patie
 
 int main(int argc, char** argv) {
   shm::WorkerShell shell({.name = "comrad-trajectory-sender",
-                          .role = "trajectory-sender",
+                          .role = "sender",
                           .description = "Sends what this host plays to the learner of another host, and "
                                          "fetches its weights.",
                           .is_single = true,
