@@ -18,6 +18,8 @@ from gymnasium.vector import AutoresetMode
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test
 from pettingzoo.utils import parallel_to_aec
 
+os.environ["SDL_VIDEODRIVER"] = "dummy"  # windows that are not seen
+
 
 class PettingZoo(unittest.TestCase):
     def test_every_scenario_passes_its_api_test(self):
@@ -40,7 +42,6 @@ class PettingZoo(unittest.TestCase):
         parallel_seed_test(lambda: comrad.parallel_env("coop_health_gathering"), num_cycles=20)
 
     def test_it_renders(self):
-        os.environ["SDL_VIDEODRIVER"] = "dummy"  # an invisible window
         render_test(lambda render_mode: parallel_to_aec(comrad.parallel_env("lava_pit", render_mode=render_mode, render_size=(64, 36))))
         env = comrad.parallel_env("lava_pit", render_mode="rgb_array", render_size=(64, 36))
         env.reset(seed=1)
