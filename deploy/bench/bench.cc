@@ -109,7 +109,7 @@ Expected<ordered_json> report(const BenchFlags& flags, const BenchRequest& reque
 Error draw_charts(const std::string& folder) {
   const Expected<std::string> python = python_that_imports(kReportModules);
   if (!python) return python.error();
-  return replace_process({*python, "-B", data_dir() + "/deploy/report/rates.py", folder});
+  return replace_process(python_command(*python, "deploy/report/rates.py", {folder}));
 }
 
 /// Of the settings that were typed, on other machines.

@@ -64,8 +64,7 @@ Evaluator::Evaluator(const LaunchPlan& plan, const Clock& clock, ProcessHost& pr
       clock_(clock),
       processes_(processes),
       folder_(folder),
-      is_wanted_(plan.trains() && plan.seconds <= 0 &&
-                 (plan.config.run.eval_every_env_frames > 0 || plan.config.run.video_every_env_frames > 0)),
+      is_wanted_(plan.trains() && plan.seconds <= 0 && is_played_beside(plan.config.run)),
       scores_(plan.config.run.eval_every_env_frames),
       videos_(plan.config.run.video_every_env_frames) {
   if (!is_wanted_) return;

@@ -30,6 +30,11 @@ namespace comrad::deploy {
 /// Errors: kBadFormat where a number is missing.
 Expected<MetricValues> evaluation_metrics(const std::string& json);
 
+/// Whether scores or videos are made beside a run with these settings.
+inline bool is_played_beside(const RunSettings& run) {
+  return run.eval_every_env_frames > 0 || run.video_every_env_frames > 0;
+}
+
 /// The multiples of a number of env frames for which something is played, each once.
 class EvaluationPoints {
  public:

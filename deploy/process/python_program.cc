@@ -1,9 +1,10 @@
 #include "deploy/process/python_program.h"
 
 #include <cstdlib>
-#include <vector>
+#include <filesystem>
 
 #include "deploy/process/child_program.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -33,6 +34,20 @@ Expected<std::string> python_of_environment(const char* variable, const std::str
   if (named != nullptr && *named != '\0') return first_that_runs({named}, imports, what_to_do);
   return first_that_runs({build_folder() + "/" + environment + "/bin/python", "/usr/bin/python3", "python3"},
                          imports, what_to_do);
+}
+
+std::vector<std::string> python_command(const std::string& python, const std::string& script,
+                                        const std::vector<std::string>& words) {
+  // -B: no compiled files among the sources, whose age ./comrad looks at.
+  std::vector<std::string> command = {python, "-B", data_dir() + "/" + script};
+  command.insert(command.end(), words.begin(), words.end());
+  return command;
+}
+
+Status check_checkout_has(const std::string& script) {
+  const std::string path = data_dir() + "/" + script;
+  if (std::filesystem::exists(path)) return {};
+  return Error{ErrorCode::kNotFound, "there is no " + path + "; run this command in a checkout of COMRAD"};
 }
 
 }  // namespace comrad::deploy

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "rollout_buffer/core/expected.h"
 
@@ -21,5 +22,12 @@ Expected<std::string> python_that_imports(
 /// <build folder>/<environment>, Debian's, or the one of PATH; the first that runs `imports`. Errors: kNotFound with `what_to_do`.
 Expected<std::string> python_of_environment(const char* variable, const std::string& environment,
                                             const std::string& imports, const std::string& what_to_do);
+
+/// The command that runs `script`, a path below data_dir() ("deploy/report/export.py"), with `words`.
+std::vector<std::string> python_command(const std::string& python, const std::string& script,
+                                        const std::vector<std::string>& words);
+
+/// Errors: kNotFound where `script` is not below data_dir(): what is installed lacks it.
+Status check_checkout_has(const std::string& script);
 
 }  // namespace comrad::deploy

@@ -25,24 +25,13 @@ import sys
 import tarfile
 import tempfile
 
-from report_lines import number, read_settings
+from report_lines import number, read_object, read_settings
 
 BAD_INPUT = 2
 INDEX, FORMAT = "policies.json", "comrad-policies-1"
 ARCHIVE_BYTES_MAX = 40_000_000
 FILE_BYTES_MAX = 1 << 30
 SCENARIO, FILE = re.compile(r"\w+(@\w+)?"), re.compile(r"config\.toml|checkpoint/[\w.-]+\.pt")
-
-
-def read_json(path: pathlib.Path) -> dict:
-    """The object in a file. Raises OSError, and ValueError with a sentence."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path}: no JSON ({error})") from None
-    if not isinstance(found, dict):
-        raise ValueError(f"{path}: no object")
-    return found
 
 
 def sha256(content: bytes) -> str:
@@ -53,7 +42,7 @@ def candidates(folder: pathlib.Path) -> list[tuple[pathlib.Path, dict]]:
     """The runs of a sweep that have a fresh result and a checkpoint. Raises OSError, and ValueError with a sentence."""
     if not (folder / "sweep.json").is_file():
         raise ValueError(f"{folder} is no folder of a sweep; name one, train_dir/<name> of its file")
-    results = read_json(folder / "sweep.json").get("results")
+    results = read_object(folder / "sweep.json").get("results")
     kept = results.get("folder") if isinstance(results, dict) else None
     if not kept:
         raise ValueError(f"{folder}: its sweep keeps no results; add [results] to its file and start comrad sweep again")
@@ -62,7 +51,7 @@ def candidates(folder: pathlib.Path) -> list[tuple[pathlib.Path, dict]]:
         result = pathlib.Path(kept, run.name, "result.json")
         if not result.is_file() or not any((run / "checkpoint").glob("checkpoint_*.pt")):
             continue
-        answer = read_json(result)
+        answer = read_object(result)
         if not answer.get("stale") and math.isfinite(number(answer.get("J_mean"))):
             found.append((run, answer))
     return found

@@ -15,6 +15,7 @@
 
 #include "deploy/hosts/host_calls.h"
 #include "deploy/hosts/serving.h"
+#include "deploy/launch/evaluator.h"
 #include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
@@ -186,8 +187,7 @@ Status make_maps(StartPlan& plan, const std::string& run_dir) {
     }
     COMRAD_TRY(write_layout_list(run_dir, plan.layout_list));
   }
-  const bool is_evaluated = config.run.eval_every_env_frames > 0 || config.run.video_every_env_frames > 0;
-  if (!is_evaluated || config.run.eval_maps != EvalMaps::kHeldOut) return {};
+  if (!is_played_beside(config.run) || config.run.eval_maps != EvalMaps::kHeldOut) return {};
   // Once, and before the run needs all cores.
   RunConfig evaluated = config;
   evaluated.environment.layout_pool = kHeldOutPool;

@@ -1,14 +1,12 @@
 // `comrad docs`: builds the site from the pages in the folders, or serves it on this host. Becomes deploy/site/docs.py.
 
 #include <cstdio>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "deploy/process/child_program.h"
 #include "deploy/process/python_program.h"
 #include "deploy/run/command.h"
-#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -22,23 +20,21 @@ struct DocsOptions {
 Expected<std::vector<std::string>> docs_words(const DocsOptions& options) {
   if (options.serve + options.update + !options.build.empty() != 1)
     return Error{ErrorCode::kBadInput, "expected --serve, --build DIR or --update, one of them"};
-  const std::string script = data_dir() + "/deploy/site/docs.py";
-  if (!std::filesystem::exists(script))
-    return Error{ErrorCode::kNotFound,
-                 "there is no " + script + "; run this command in a checkout of COMRAD"};
+  const std::string script = "deploy/site/docs.py";
+  COMRAD_TRY(check_checkout_has(script));
   COMRAD_TRY_ASSIGN(const std::string python,
                     python_of_environment(
                         "COMRAD_DOCS_PYTHON", "docs-python", "import material, mkdocs",
                         "no Python here can import mkdocs-material; ./comrad docs installs it in the build "
                         "folder, or name a Python that has it: COMRAD_DOCS_PYTHON=FILE"));
-  std::vector<std::string> words = {python, "-B", script, "--comrad", sibling_program("comrad")};
+  std::vector<std::string> words = {"--comrad", sibling_program("comrad")};
   if (options.update)
     words.emplace_back("--update");
   else if (options.serve)
     words.insert(words.end(), {"--serve", options.address});
   else
     words.insert(words.end(), {"--build", options.build});
-  return words;
+  return python_command(python, script, words);
 }
 
 }  // namespace

@@ -10,7 +10,6 @@
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/existing_run.h"
 #include "deploy/settings/output_check.h"
-#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
@@ -44,7 +43,7 @@ Expected<int> export_runs(const ExportOptions& options) {
   if (options.runs.empty()) return Error{ErrorCode::kBadInput, "name a run: comrad export RUN... --csv FILE"};
   if (options.csv.empty() == options.wandb.empty())
     return Error{ErrorCode::kBadInput, "say where to: --csv FILE or --wandb FOLDER"};
-  std::vector<std::string> words = {"", "-B", data_dir() + "/deploy/report/export.py"};
+  std::vector<std::string> words;
   if (!options.csv.empty()) {
     COMRAD_TRY_ASSIGN(const std::string file, check_output_file("csv", options.csv, {".csv"}));
     words.insert(words.end(), {"--csv", file});
@@ -59,16 +58,16 @@ Expected<int> export_runs(const ExportOptions& options) {
     COMRAD_TRY_ASSIGN(const std::vector<std::string> runs, runs_of(word, options.train_dir));
     words.insert(words.end(), runs.begin(), runs.end());
   }
+  std::string python;
   if (options.csv.empty()) {
-    COMRAD_TRY_ASSIGN(words[0],
-                      python_that_imports("tomllib, wandb",
-                                          "install it into a Python environment (python3 -m venv ENV; "
-                                          "ENV/bin/pip install wandb) and start comrad with it active "
-                                          "(. ENV/bin/activate)"));
+    COMRAD_TRY_ASSIGN(
+        python, python_that_imports("tomllib, wandb",
+                                    "install it into a Python environment (python3 -m venv ENV; ENV/bin/pip "
+                                    "install wandb) and start comrad with it active (. ENV/bin/activate)"));
   } else {
-    COMRAD_TRY_ASSIGN(words[0], python_that_imports("tomllib", "install Python 3.11 or later"));
+    COMRAD_TRY_ASSIGN(python, python_that_imports("tomllib", "install Python 3.11 or later"));
   }
-  return replace_process(words);
+  return replace_process(python_command(python, "deploy/report/export.py", words));
 }
 
 }  // namespace

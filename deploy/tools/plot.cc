@@ -10,7 +10,6 @@
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/existing_run.h"
 #include "deploy/settings/output_check.h"
-#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/run_config.h"
 
@@ -70,8 +69,7 @@ Expected<int> plot(const PlotOptions& options) {
     return Error{ErrorCode::kBadInput, "--x: " + unknown_word("axis", options.x, {"env_frames", "time_s"})};
   COMRAD_TRY_ASSIGN(const std::string output,
                     check_output_file("output", options.output, {".png", ".svg", ".pdf"}));
-  std::vector<std::string> words = {
-      "", "-B", data_dir() + "/deploy/report/plot.py", "--output", output, "--x", options.x};
+  std::vector<std::string> words = {"--output", output, "--x", options.x};
   for (const auto& [flag, value] :
        {std::pair{"--metric", options.metric}, std::pair{"--title", options.title}})
     if (!value.empty()) words.insert(words.end(), {flag, value});
@@ -82,9 +80,10 @@ Expected<int> plot(const PlotOptions& options) {
     COMRAD_TRY_ASSIGN(const std::vector<std::string> curve, curve_words(run, options.train_dir));
     words.insert(words.end(), curve.begin(), curve.end());
   }
-  COMRAD_TRY_ASSIGN(words[0], python_that_imports(kReportModules));
+  COMRAD_TRY_ASSIGN(const std::string python, python_that_imports(kReportModules));
   COMRAD_TRY_ASSIGN(const ProgramResult drawn,
-                    run_program(words, {.timeout_s = kDrawingTimeoutS, .echo_stderr = true}));
+                    run_program(python_command(python, "deploy/report/plot.py", words),
+                                {.timeout_s = kDrawingTimeoutS, .echo_stderr = true}));
   if (drawn.exit_code != 0) return drawn.exit_code;
   std::printf("%s\n", output.c_str());
   return kExitDone;

@@ -1,6 +1,5 @@
 // `comrad pack-policies` and `comrad fetch-policies`: kept policies as one archive, and back. Both become deploy/report/policies.py.
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -9,7 +8,6 @@
 #include "deploy/run/command.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/output_check.h"
-#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
@@ -17,9 +15,8 @@ namespace {
 
 Expected<int> become(std::vector<std::string> words, const std::vector<std::string>& more) {
   COMRAD_TRY_ASSIGN(const std::string python, python_that_imports("tomllib", "install Python 3.11 or later"));
-  words.insert(words.begin(), {python, "-B", data_dir() + "/deploy/report/policies.py"});
   words.insert(words.end(), more.begin(), more.end());
-  return replace_process(words);
+  return replace_process(python_command(python, "deploy/report/policies.py", words));
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include "deploy/process/child_program.h"
 #include "deploy/process/python_program.h"
 #include "deploy/run/command.h"
-#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 
@@ -19,10 +18,8 @@ int report_command(Arguments arguments) {
     return kExitDone;
   }
   if (!python) return report_error("report", python.error());
-  // -B: no compiled files among the sources, whose age ./comrad looks at.
-  std::vector<std::string> words = {*python, "-B", data_dir() + "/deploy/report/report.py"};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  return report_error("report", replace_process(words));
+  return report_error("report", replace_process(python_command(*python, "deploy/report/report.py",
+                                                               {arguments.begin(), arguments.end()})));
 }
 
 }  // namespace comrad::deploy

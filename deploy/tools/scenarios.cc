@@ -1,14 +1,12 @@
 // `comrad scenarios`, `comrad doomgen` and `comrad acs`: programs under the names that users look for.
 
 #include <algorithm>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "deploy/process/child_program.h"
 #include "deploy/process/python_program.h"
 #include "deploy/run/command.h"
-#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -22,13 +20,12 @@ int become(const char* command, const std::string& program, Arguments arguments)
 
 /// Becomes deploy/site/scenario_pages.py. Errors: kNotFound outside of a checkout, or without Python.
 Error write_pages(Arguments arguments) {
-  const std::string script = data_dir() + "/deploy/site/scenario_pages.py";
-  if (!std::filesystem::exists(script))
-    return Error{ErrorCode::kNotFound, "there is no " + script + "; run --pages in a checkout of COMRAD"};
+  const std::string script = "deploy/site/scenario_pages.py";
+  COMRAD_TRY(check_checkout_has(script));
   COMRAD_TRY_ASSIGN(const std::string python, python_that_imports("tomllib", "install Python 3.11 or later"));
-  std::vector<std::string> words = {python, "-B", script, "--comrad", sibling_program("comrad")};
+  std::vector<std::string> words = {"--comrad", sibling_program("comrad")};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  return replace_process(words);
+  return replace_process(python_command(python, script, words));
 }
 
 }  // namespace

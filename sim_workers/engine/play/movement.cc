@@ -232,7 +232,7 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
         // A player steps up onto what is no higher than a stair.
         const bool steps_up = touch && body.player_index >= 0 &&
                               int64_t{other.top()} - body.z <= world_.type_of(body).max_step_height;
-        // A solid dead monster stops who cannot step onto it, and holds nobody.
+        // A solid dead monster stops a body that cannot step onto it, and carries none.
         const bool holds = !other.is_corpse() || !other.has(ActorFlag::kIsMonster);
         if (body.z >= other.top()) {
           if (holds) check.floor_z = std::max(check.floor_z, other.top());

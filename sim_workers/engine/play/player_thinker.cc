@@ -151,7 +151,7 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   const int32_t move_factor =
       on_ground ? footing.move_factor * mud_grip(footing, body) : fixed_mul(kSectorMoveFactor, air_control);
   // The bob does not show that feet slip on ice. Crouching lowers its factor, cut to a whole number (measured: from 8 in the air to
-  // 7 while who stood up is a hair lower than before).
+  // 7 after standing up, at a height slightly below the full one).
   const int32_t step_factor =
       fixed_mul(on_ground && footing.friction > kGroundFriction ? kSectorMoveFactor : move_factor,
                 player.crouch_factor);

@@ -44,6 +44,13 @@ class CheckpointKeeperTest : public ::testing::Test {
     made.write(std::move(contents));
     return made;
   }
+  /// So many versions, each after `env_frames` more.
+  void learn(CheckpointKeeper& made, uint64_t versions, uint64_t env_frames) {
+    for (uint64_t version = 1; version <= versions; ++version) {
+      totals_.env_frames = env_frames * version;
+      made.save_if_due(version, 0);
+    }
+  }
   std::vector<std::string> saved(const std::string& begin) const {
     std::vector<std::string> names;
     std::error_code ignored;
@@ -90,10 +97,7 @@ TEST_F(CheckpointKeeperTest, WhatIsToBeEvaluatedIsSavedOnceAPoint) {
   {
     CheckpointKeeper made = keeper();
     totals_.seconds_before = 50;
-    for (uint64_t version = 1; version <= 4; ++version) {
-      totals_.env_frames = 600 * version;
-      made.save_if_due(version, 0);
-    }
+    learn(made, 4, 600);
     EXPECT_THAT(saved("evaluate_"), ElementsAre("evaluate_000000002_1200.pt", "evaluate_000000004_2400.pt"));
     const std::vector<RequestedEvaluation> requests = requested_evaluations(made.folder());
     ASSERT_EQ(requests.size(), 2u);
@@ -116,10 +120,7 @@ TEST_F(CheckpointKeeperTest, ScoreAndVideoOfOnePointShareACheckpoint) {
   config_.run.eval_every_env_frames = 1000;
   config_.run.video_every_env_frames = 1500;
   CheckpointKeeper made = keeper();
-  for (uint64_t version = 1; version <= 6; ++version) {
-    totals_.env_frames = 500 * version;
-    made.save_if_due(version, 0);
-  }
+  learn(made, 6, 500);
   EXPECT_THAT(saved("evaluate_"), ElementsAre("evaluate_000000002_1000.pt", "evaluate_000000003_1500.pt",
                                               "evaluate_000000004_2000.pt", "evaluate_000000006_3000.pt"));
 }

@@ -167,16 +167,26 @@ TEST(VizdoomGames, AMissileThatCannotSpawnEndsHalfAStepAhead) {
   EXPECT_FALSE(rocket->has(ActorFlag::kMissile));
 }
 
+/// ThrustThingZ(0, 20) for what hits the line.
+void make_impact_line(test::LevelBuilder& builder, std::size_t line) {
+  builder.line(line).special = 128, builder.line(line).args = {0, 20, 0, 0, 0},
+  builder.line(line).flags |= kLineImpact;
+}
+
+/// How high a player rises in 40 tics after it fired a rocket.
+Fixed rise_after_a_rocket(Game& game) {
+  EXPECT_NE(spawn_player_missile(game.world, game.body(), game.type("Rocket"), 0, 0, 0, 0), nullptr);
+  Fixed highest = 0;
+  for (int tic = 0; tic < 40; ++tic) game.tic(), highest = std::max(highest, game.body().z);
+  return highest;
+}
+
 // Probe: a missile against a line with ThrustThingZ(0, 20) and impact: its shooter rises by 5.
 TEST(VizdoomGames, ALineThatAMissileHitsActsForItsShooter) {
   test::LevelBuilder builder = room();
-  builder.line(2).special = 128, builder.line(2).args = {0, 20, 0, 0, 0},
-  builder.line(2).flags |= kLineImpact;
+  make_impact_line(builder, 2);
   Game game(builder.build());
-  ASSERT_NE(spawn_player_missile(game.world, game.body(), game.type("Rocket"), 0, 0, 0, 0), nullptr);
-  Fixed highest = 0;
-  for (int tic = 0; tic < 40; ++tic) game.tic(), highest = std::max(highest, game.body().z);
-  EXPECT_GE(highest, to_fixed(5));
+  EXPECT_GE(rise_after_a_rocket(game), to_fixed(5));
 }
 
 // Probe: a ripper of damage 0 through a barrel: HITCOUNT goes up, DAMAGECOUNT does not.
@@ -579,7 +589,7 @@ TEST(VizdoomGames, TheBobInTheAirLosesAnEighthToTheLeastCrouch) {
   }
 }
 
-// Probe: a solid monster that is dead: who can step onto it walks through it, and who is above falls through.
+// Probe: a solid monster that is dead: a player that can step onto it walks through it, and one above falls through.
 TEST(VizdoomGames, DeadMonstersHoldNobody) {
   const auto own = catalog_with(
       "actor A 20300 { Radius 40 Height 32 Health 1 +SOLID +SHOOTABLE States { Spawn: TNT1 A -1 stop "
@@ -647,14 +657,9 @@ TEST(VizdoomGames, AMissileStrikesFromWhereItBegins) {
 TEST(VizdoomGames, ALoweredCeilingIsHitLikeAWall) {
   test::LevelBuilder builder = room();
   builder.island(builder.sector(-8, -8, 2), 0, 100, -64, 228, 64);
-  for (std::size_t line = 4; line < 8; ++line)
-    builder.line(line).special = 128, builder.line(line).args = {0, 20, 0, 0, 0},
-    builder.line(line).flags |= kLineImpact;
+  for (std::size_t line = 4; line < 8; ++line) make_impact_line(builder, line);
   Game game(builder.build());
-  ASSERT_NE(spawn_player_missile(game.world, game.body(), game.type("Rocket"), 0, 0, 0, 0), nullptr);
-  Fixed highest = 0;
-  for (int tic = 0; tic < 40; ++tic) game.tic(), highest = std::max(highest, game.body().z);
-  EXPECT_GE(highest, to_fixed(5));
+  EXPECT_GE(rise_after_a_rocket(game), to_fixed(5));
 }
 
 // Probe: 30 points of InstantDeath against green armour: 20, and 10 of the armour.
