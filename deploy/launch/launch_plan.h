@@ -113,8 +113,13 @@ struct LaunchPlan {
   int64_t remote_frame_workers() const {
     return serves() ? config.hosts.serve_frame_workers + config.collection.num_workers - own_workers() : 0;
   }
-  /// None where another host's play; the one that sends frames is in their place.
-  int64_t own_policy_workers() const { return sends_frames ? 0 : config.collection.policy_workers; }
+  /// Processes: none where the learner has policy workers as threads, or another host's play and the one that sends frames is in
+  /// their place.
+  int64_t own_policy_workers() const {
+    return sends_frames || (trains() && !config.collection.policy_processes)
+               ? 0
+               : config.collection.policy_workers;
+  }
   /// There is a learner among the workers.
   bool has_learner() const {
     if (policy == PolicySource::kSeats) return !seats.networks.empty();

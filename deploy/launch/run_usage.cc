@@ -30,6 +30,14 @@ RoleUsage since(const RoleUsage& before, const RoleUsage& after) {
           .processes = after.processes};
 }
 
+/// Of policy workers, which may be threads of a learner.
+double policy_cpu_s(const StageTotals& totals) {
+  double cpu_s = 0;
+  for (const Stage stage : {Stage::kGather, Stage::kForward, Stage::kScatter})
+    cpu_s += 1e-9 * static_cast<double>(totals.cpu_ns[static_cast<std::size_t>(stage)]);
+  return cpu_s;
+}
+
 void add_waits(RoleUsage& role, const shm::WorkerCounters& counters) {
   role.wait_s += 1e-9 * static_cast<double>(counters.wait_ns.load(std::memory_order_relaxed));
   ++role.processes;
@@ -67,7 +75,10 @@ RunUsage read_usage(const std::string& run_dir, const shm::Arena& arena) {
     RoleUsage& role = totals.name.starts_with("sim-")      ? usage.sims
                       : totals.name.starts_with("policy-") ? usage.policy_workers
                                                            : usage.learner;
-    role.cpu_s += family_seconds(static_cast<pid_t>(totals.pid));
+    const double cpu_s = family_seconds(static_cast<pid_t>(totals.pid));
+    const double of_threads_s = &role == &usage.learner ? std::min(cpu_s, policy_cpu_s(totals)) : 0;
+    role.cpu_s += cpu_s - of_threads_s;
+    usage.policy_workers.cpu_s += of_threads_s;
   }
   return usage;
 }

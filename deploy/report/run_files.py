@@ -39,8 +39,8 @@ NOT_LEARNED = frozenset(
     experiment train_dir restart_behavior seed load_checkpoint_kind save_every_sec keep_checkpoints save_best_every_sec
     save_best_after_env_frames save_best_after save_milestones_sec save_milestones_env_frames eval_every_env_frames
     eval_episodes eval_maps video_every_env_frames experiment_summaries_interval progress_interval metrics_port stats_avg
-    wad device policy_device num_workers worker_num_splits policy_workers min_batch max_batch max_wait_us policy_threads
-    learner_threads learners trajectory_slabs micro_batch_size set_workers_cpu_affinity replay_gb replay_file
+    wad device policy_device num_workers worker_num_splits policy_workers policy_processes min_batch max_batch max_wait_us
+    policy_threads learner_threads learners trajectory_slabs micro_batch_size set_workers_cpu_affinity replay_gb replay_file
     replay_compress save_replay
     serve publish serve_workers serve_frame_workers serve_bf16_weights link hosts host_keys interface peers port_base
     link_buffer_mb link_datagram_bytes insecure_network

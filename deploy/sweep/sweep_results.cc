@@ -34,13 +34,14 @@ constexpr const char* kScore = "policy_stats/avg_true_objective";
 
 /// Settings of the subject `run` and these follow from the machine, or say where and how long; what is learned does not
 /// hang on them.
-constexpr std::array<std::string_view, 18> kNoRecipe = {"wad",
+constexpr std::array<std::string_view, 19> kNoRecipe = {"wad",
                                                         "device",
                                                         "policy_device",
                                                         "precision",
                                                         "num_workers",
                                                         "worker_num_splits",
                                                         "policy_workers",
+                                                        "policy_processes",
                                                         "max_wait_us",
                                                         "policy_threads",
                                                         "learner_threads",

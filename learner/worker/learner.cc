@@ -80,6 +80,8 @@ Status Learner::open() {
   // Last of all: simulators read journals once this is above 0.
   control.rollouts_allowed = source_ ? source_->rollouts_allowed() : kUnlimited;
   shm::ring(control.slab_released);
+  if (!config_.collection.policy_processes && !options_.serve)
+    policies_ = std::make_unique<policy::PolicyThreads>(config_, arena_);
   counters.state = shm::WorkerState::kRunning;
   spdlog::info("learner: {} with {} parameters, version {}, {} env frames so far", config_.run.algo.name(),
                algorithm_->parameter_count(), algorithm_->version(), totals_.env_frames);
@@ -262,7 +264,8 @@ Expected<UpdateStats> Learner::update(Sample& sample) {
   if (!transitions) return left_by_others(transitions.error(), {});
   const UpdateContext context = update_context();
   const auto updated = [&]() -> Expected<UpdateStats> {
-    const ProcessStage stage(Stage::kForwardBackward, {Stage::kCollate, Stage::kOptimizer, Stage::kPublish});
+    const ProcessStage stage(Stage::kForwardBackward, {Stage::kCollate, Stage::kOptimizer, Stage::kPublish,
+                                                       Stage::kGather, Stage::kForward, Stage::kScatter});
     return update_on(sample, *algorithm_, context);
   };
   COMRAD_TRY_ASSIGN(UpdateStats stats, updated());
@@ -300,6 +303,7 @@ Expected<UpdateStats> Learner::left_by_others(const Error& why, UpdateStats stat
 
 /// Asked while an exchange with the others waits, too.
 Status Learner::check_others() {
+  if (policies_) COMRAD_TRY(policies_->check());
   if (ranks_.is_alone()) return {};
   poll();
   if (options_.check_others) COMRAD_TRY(options_.check_others());

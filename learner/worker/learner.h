@@ -23,6 +23,7 @@
 #include "learner/sources/stop_signal.h"
 #include "learner/worker/checkpoint_keeper.h"
 #include "learner/worker/weights_publisher.h"
+#include "policy_workers/worker/policy_threads.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
@@ -50,7 +51,8 @@ class Learner {
                                                   shm::Arena arena, const std::atomic<bool>& stop);
 
   /// Trains (or serves) until the run's end or a stop; saves the last checkpoint.
-  /// Errors: kBadInput when training diverged, kNotSaved when the last checkpoint could not be written.
+  /// Errors: kBadInput when training diverged, kNotSaved when the last checkpoint could not be written; those of
+  /// PolicyThreads.
   Status run();
 
   uint64_t env_frames() const { return totals_.env_frames; }
@@ -107,6 +109,7 @@ class Learner {
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::unique_ptr<BatchSource> source_;     ///< null: it only serves
   std::unique_ptr<WeightsPublisher> weights_;
+  std::unique_ptr<policy::PolicyThreads> policies_;  ///< null: policy workers are processes
   /// Lock step, on-policy: the last boundary, which is saved where the rollout behind it is given up.
   struct Boundary {
     StateDict state;

@@ -58,10 +58,11 @@ Stream Stream::current(torch::Device device) {
   return stream;
 }
 
-Stream Stream::beside(torch::Device device) {
+Stream Stream::beside(torch::Device device, Priority priority) {
   Stream stream;
   if (device.is_cuda())
-    stream.queue_ = std::make_shared<Queue>(Queue{c10::cuda::getStreamFromPool(false, device.index())});
+    stream.queue_ = std::make_shared<Queue>(
+        Queue{c10::cuda::getStreamFromPool(priority == Priority::kHigh, device.index())});
   return stream;
 }
 
@@ -96,7 +97,9 @@ void Event::wait() const {
 }
 
 bool Graph::launch(bool records) {
-  const Stream before = Stream::current(device_), stream = Stream::beside(device_);
+  const Stream before = Stream::current(device_);
+  const bool is_first = before.queue_->stream.priority() < 0;  // CUDA's priorities: the lower, the sooner
+  const Stream stream = Stream::beside(device_, is_first ? Priority::kHigh : Priority::kUsual);
   Event reached;
   reached.record(before);
   stream.wait_for(reached);
@@ -175,7 +178,7 @@ struct Event::Place {};
 struct Graph::Recording {};
 
 Stream Stream::current(torch::Device) { return {}; }
-Stream Stream::beside(torch::Device) { return {}; }
+Stream Stream::beside(torch::Device, Priority) { return {}; }
 void Stream::wait_for(const Event&) const {}
 StreamScope::StreamScope(const Stream&) {}
 void Event::record(const Stream&) {}

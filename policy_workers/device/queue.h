@@ -18,19 +18,23 @@ using torch::Tensor;
 
 class Event;
 
+/// Of a queue: what is in one of high priority goes first wherever the device has room.
+enum class Priority { kUsual, kHigh };
+
 /// One queue of a device, which runs its work in launch order. Threads: one launches work at a time.
 class Stream {
  public:
   /// The queue that operators of the calling thread go to.
   static Stream current(torch::Device device);
-  /// Another one, for copies beside the work.
-  static Stream beside(torch::Device device);
+  /// Another one, for work and copies beside it.
+  static Stream beside(torch::Device device, Priority priority = Priority::kUsual);
 
   /// What comes after waits, on the device, for the event. Does not wait here.
   void wait_for(const Event& event) const;
 
  private:
   friend class Event;
+  friend class Graph;
   friend class StreamScope;
   struct Queue;
   std::shared_ptr<Queue> queue_;  ///< null on a CPU
@@ -71,7 +75,7 @@ int64_t aligned(int64_t bytes);
 /// `count` numbers of `type` at an aligned `offset` of u8 [B].
 Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type);
 
-/// Work of fixed shapes and addresses that is recorded once and then launched as one piece. What it reads and
+/// Work of fixed shapes and addresses that is recorded once, with the calling thread's priority, and then launched as one piece. What it reads and
 /// writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it is launched again each time.
 class Graph {
  public:

@@ -112,7 +112,10 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
         // After the wait, not before it: in lock step the learner publishes and then lets simulators continue,
         // so the requests that end a wait already expect the new weights.
         COMRAD_TRY_ASSIGN(const PolicyOutput output, answer(batch));
-        stage.begin();
+        if (options_.is_thread)
+          stage.end(Stage::kForward);
+        else
+          stage.begin();
         batcher_.scatter(batch, output, *weights_.version());
       }
       stage.end(Stage::kScatter);
@@ -125,7 +128,8 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
 }
 
 Expected<PolicyOutput> PolicyWorker::answer(const Batch& batch) {
-  const ProcessStage stage(Stage::kForward);  // libtorch's threads work on it too
+  std::optional<ProcessStage> stage;
+  if (!options_.is_thread) stage.emplace(Stage::kForward);  // libtorch's threads work on it too
   COMRAD_TRY(refresh());
   if (seats_) return seats_->step(batch);
   if (staged_) return staged_->step(batch);

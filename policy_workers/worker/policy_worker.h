@@ -1,5 +1,5 @@
-// A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers. One process, one network,
-// its own thread.
+// A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers. One network, one thread, of a
+// separate process or of the learner's.
 #pragma once
 
 #include <atomic>
@@ -30,6 +30,7 @@ struct PolicyWorkerOptions {
   bool is_evaluation = false;
   /// On a CPU, too, batches go by way of StagedForward, as they do on a GPU: for tests of that way.
   bool is_staged = false;
+  bool is_thread = false;  ///< of a process with other work, whose processor time is not counted here
 };
 
 /// Joined to one run.

@@ -152,6 +152,12 @@ std::vector<std::string> expect_two_learners_to_equal_one(const ScratchFolder& s
   return settings;
 }
 
+TEST(Deterministic, PolicyWorkersAsThreadsOfTheLearnerGiveTheSameWeights) {
+  const ScratchFolder scratch;
+  train(scratch, "threads", kEnvSteps, {"--policy_processes", "False", "--policy_workers", "2"});
+  EXPECT_GT(expect_same_training(undisturbed(kEnvSteps), scratch / "threads"), 20u);
+}
+
 TEST(Deterministic, TwoLearnersGiveTheWeightsOfOneThatAddsTheSameMicroBatches) {
   const ScratchFolder scratch;
   expect_two_learners_to_equal_one(scratch, "ippo");

@@ -22,14 +22,18 @@ bool trains_on(const std::string& run, double frames) {
 /// An endless small run that has begun to train. `link` selects how simulators reach the policy.
 class EndlessRun : public ::testing::Test {
  protected:
-  explicit EndlessRun(const char* link = "shm")
-      : run_(scratch_ / "run"),
-        // A new learner continues from a checkpoint that is a second old, not from the beginning.
-        training_(small_training(scratch_, "run", 1e9, {"--link", link, "--save_every_sec", "1"})) {}
+  explicit EndlessRun(const std::vector<std::string>& settings = {})
+      : run_(scratch_ / "run"), training_(small_training(scratch_, "run", 1e9, with_checkpoints(settings))) {}
 
   void SetUp() override {
     ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_.running(); }));
     ASSERT_TRUE(training_.running()) << training_.wait(1).err;
+  }
+
+  /// A new learner continues from a checkpoint that is a second old, not from the beginning.
+  static std::vector<std::string> with_checkpoints(std::vector<std::string> settings) {
+    settings.insert(settings.end(), {"--save_every_sec", "1"});
+    return settings;
   }
 
   /// Kills one worker outright and expects training to continue with a new one in its place.
@@ -100,8 +104,21 @@ TEST_F(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
 /// Shared memory's workers are killed by chaos_test.
 class LinkedRun : public EndlessRun {
  protected:
-  LinkedRun() : EndlessRun("dds") {}
+  LinkedRun() : EndlessRun({"--link", "dds"}) {}
 };
+
+/// The learner has two policy workers as threads.
+class ThreadedRun : public EndlessRun {
+ protected:
+  ThreadedRun() : EndlessRun({"--policy_processes", "False", "--policy_workers", "2"}) {}
+};
+
+TEST_F(ThreadedRun, ContinuesAfterSimulatorAndLearnerWereKilled) {
+  EXPECT_THAT(processes_of(run_, "comrad-policy-worker"), SizeIs(0));
+  kill_and_expect_a_successor("comrad-sim-worker", 2);
+  kill_and_expect_a_successor("comrad-learner", 1);
+  expect_clean_stop(SIGTERM);
+}
 
 TEST_F(LinkedRun, ContinuesAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
   kill_and_expect_a_successor("comrad-sim-worker", 2);

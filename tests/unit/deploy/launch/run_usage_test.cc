@@ -65,6 +65,21 @@ TEST(ReadUsage, AddsUpWhatWorkersCountByRole) {
   EXPECT_GT(usage.core_busy_s[0], 0);
 }
 
+TEST(ReadUsage, PolicyWorkersThatAreThreadsOfALearnerAreNotItsTime) {
+  const test::ScratchFolder run_dir;
+  const shm::Arena arena = *shm::Arena::create(test::small_arena_shape(), 1);
+  std::filesystem::create_directory(run_dir / kStagesFolder);
+  std::array<uint64_t, 2 + kStageCount> words{};
+  words.front() = static_cast<uint64_t>(getpid());
+  words[1 + static_cast<std::size_t>(Stage::kForward)] = 10'000'000;
+  std::ofstream(run_dir / (std::string(kStagesFolder) + "/learner-0"), std::ios::binary)
+      .write(reinterpret_cast<const char*>(words.data()), sizeof words);
+  while (process_cpu_s() < 0.05) continue;
+  const RunUsage usage = read_usage(run_dir.string(), arena);
+  EXPECT_DOUBLE_EQ(usage.policy_workers.cpu_s, 0.01);
+  EXPECT_GT(usage.learner.cpu_s, 0.02);
+}
+
 TEST(UsageBetween, IsTheDifferenceAndNeverBelowZero) {
   RunUsage before, after;
   before.stage_cpu_s[0] = 1, after.stage_cpu_s[0] = 3;

@@ -126,6 +126,13 @@ TEST_F(WorkerTableTest, AWorkerThatDoesNotJoinInTimeIsKilled) {
   EXPECT_TRUE(body(0).is_alive());
 }
 
+TEST_F(WorkerTableTest, ALearnerWithPolicyWorkersHasNoProcessesOfThem) {
+  plan_.config.collection.policy_processes = false;
+  EXPECT_FALSE(WorkerTable(plan_, clock_, host_).has(Role::kPolicy));
+  plan_.policy = PolicySource::kCheckpoint;
+  EXPECT_TRUE(WorkerTable(plan_, clock_, host_).has(Role::kPolicy)) << "an evaluation";
+}
+
 TEST_F(WorkerTableTest, ARequestOfADeadWorkerDoesNotCount) {
   body(1).end({.code = 1, .signal = 0}, clock_.now_s());
   ASSERT_EQ(table_->reap_exited(false).size(), 1u);

@@ -481,6 +481,10 @@ TEST(ResolveSettings, EveryRangeErrorNamesTheSettingAndItsValue) {
   expect([](RunConfig& c) { c.collection.device = "tpu"; }, "device is tpu");
   expect([](RunConfig& c) { c.collection.device = "cuda:"; }, "device is cuda:");
   expect([](RunConfig& c) { c.collection.policy_device = "cuda:0,tpu"; }, "policy_device is cuda:0,tpu");
+  expect([](RunConfig& c) { c.collection.policy_processes = false, c.collection.learners = 2; },
+         "policy_processes is off with 2 learners");
+  expect([](RunConfig& c) { c.collection.policy_processes = false, c.collection.policy_device = "cuda:1"; },
+         "policy_device is cuda:1 with policy_processes off");
   expect([](RunConfig& c) { c.collection.worker_num_splits = 3; }, "worker_num_splits is 3");
   expect([](RunConfig& c) { c.collection.policy_workers = 64; }, "policy_workers is 64");
   expect([](RunConfig& c) { c.environment.render_size = "160x120"; }, "render_size is 160x120");

@@ -1,0 +1,60 @@
+#include "policy_workers/worker/policy_threads.h"
+
+#include <pthread.h>
+#include <spdlog/fmt/fmt.h>
+
+#include <exception>
+#include <string>
+
+#include "policy_workers/device/choose_device.h"
+#include "policy_workers/device/cpu_tuning.h"
+#include "policy_workers/device/queue.h"
+#include "policy_workers/worker/policy_worker.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/settings/resolve.h"
+#include "rollout_buffer/shm/step_slots.h"
+
+namespace comrad::policy {
+
+PolicyThreads::PolicyThreads(const RunConfig& config, const shm::Arena& arena)
+    : config_(config), arena_(arena) {
+  for (int index = 0; index < arena.shape().policy_worker_count; ++index)
+    threads_.emplace_back([this, index] { work(index); });
+}
+
+PolicyThreads::~PolicyThreads() {
+  stop_ = true;
+  for (int index = 0; index < arena_.shape().policy_worker_count; ++index)
+    shm::ring(arena_.step_slots().ready(index));
+  for (std::thread& thread : threads_) thread.join();
+}
+
+Status PolicyThreads::check() const {
+  const std::lock_guard lock(mutex_);
+  return failure_;
+}
+
+void PolicyThreads::work(int worker_index) {
+  const std::string name = fmt::format("policy-{}", worker_index);
+  pthread_setname_np(pthread_self(), name.c_str());
+  Status result;
+  try {
+    result = serve(worker_index);
+  } catch (const std::exception& failure) {  // from libraries
+    result = Error{ErrorCode::kSystem, failure.what()};
+  }
+  if (result) return;
+  const std::lock_guard lock(mutex_);
+  if (failure_) failure_ = Error{result.error().code, name + ": " + result.error().message};
+}
+
+Status PolicyThreads::serve(int worker_index) const {
+  device::set_math_threads(static_cast<int>(config_.collection.policy_threads));  // of this thread alone
+  COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config_, worker_index)));
+  const device::StreamScope scope(device::Stream::beside(device, device::Priority::kHigh));
+  COMRAD_TRY_ASSIGN(PolicyWorker worker,
+                    PolicyWorker::create(config_, arena_, {.worker_index = worker_index, .is_thread = true}));
+  return worker.run(stop_);
+}
+
+}  // namespace comrad::policy
