@@ -1,20 +1,20 @@
 #!/usr/bin/env python3
 """Kept policies: the best checkpoint of each scenario as one archive, and back into run directories.
 
-    policies.py pack --learner PROGRAM --output FILE.tar.gz FOLDER [FOLDER ...]
+    policies.py pack --learner PROGRAM --output FILE.tar.xz FOLDER [FOLDER ...]
     policies.py fetch --train_dir DIR [NAME ...]
 
 `comrad pack-policies` and `comrad fetch-policies` start it. FOLDER is a sweep's whose runs have results ([results] in its file): of
 each scenario the run with the highest mean J of its evaluation is taken, unless its result is stale. The archive holds
 policies.json, which names each file's SHA-256, and <scenario>/config.toml and <scenario>/checkpoint/*.pt without the moments of
-the optimizer. fetch reads COMRAD_POLICIES, the archive or the folder where it was unpacked.
+the optimizer and with rounded weights. fetch reads COMRAD_POLICIES, the archive or the folder where it was unpacked.
 """
 
 import argparse
-import gzip
 import hashlib
 import io
 import json
+import lzma
 import math
 import os
 import pathlib
@@ -31,6 +31,7 @@ BAD_INPUT = 2
 INDEX, FORMAT = "policies.json", "comrad-policies-1"
 ARCHIVE_BYTES_MAX = 40_000_000
 FILE_BYTES_MAX = 1 << 30
+OF_FLOATS = [{"id": lzma.FILTER_LZMA2, "preset": 6, "lc": 2, "lp": 2, "pb": 2}]  # numbers of four bytes
 SCENARIO, FILE = re.compile(r"\w+(@\w+)?"), re.compile(r"config\.toml|checkpoint/[\w.-]+\.pt")
 
 
@@ -88,7 +89,7 @@ def pack(learner: str, output: pathlib.Path, folders: list[pathlib.Path]) -> Non
         for scenario, (run, answer) in sorted(best.items()):
             checkpoint = newest_checkpoint(run)
             small = pathlib.Path(scratch, checkpoint.name)
-            done = subprocess.run([learner, "--without_moments", checkpoint, small], capture_output=True, text=True, check=False)
+            done = subprocess.run([learner, "--to_be_played", checkpoint, small], capture_output=True, text=True, check=False)
             if done.returncode:
                 raise ValueError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"{learner} could not read {checkpoint}")
             files = {"config.toml": (run / "config.toml").read_bytes(), f"checkpoint/{checkpoint.name}": small.read_bytes()}
@@ -99,7 +100,7 @@ def pack(learner: str, output: pathlib.Path, folders: list[pathlib.Path]) -> Non
     contents = {INDEX: (json.dumps(index, indent=1) + "\n").encode(), **contents}
     part = output.with_name(output.name + ".part")
     try:
-        with open(part, "wb") as file, gzip.GzipFile("", "wb", 9, file, mtime=0) as zipped, tarfile.open(fileobj=zipped, mode="w") as archive:
+        with lzma.open(part, "wb", filters=OF_FLOATS) as zipped, tarfile.open(fileobj=zipped, mode="w") as archive:
             for name, content in contents.items():
                 add_file(archive, name, content)
         if part.stat().st_size > ARCHIVE_BYTES_MAX:
@@ -117,15 +118,15 @@ class Source:
 
     def __init__(self, named: str):
         if not named:
-            raise ValueError("COMRAD_POLICIES is not set; name the archive of a release (.tar.gz) or the folder where it was unpacked")
+            raise ValueError("COMRAD_POLICIES is not set; name the archive of a release (.tar.xz) or the folder where it was unpacked")
         self.path, self.members = pathlib.Path(named), None
         if self.path.is_file():
             try:
-                with tarfile.open(self.path, "r:gz") as archive:
+                with tarfile.open(self.path, "r:xz") as archive:
                     members = [one for one in archive if one.isfile() and one.size <= FILE_BYTES_MAX]
                     self.members = {one.name.removeprefix("./"): archive.extractfile(one).read() for one in members}
-            except (tarfile.TarError, EOFError, OSError) as error:
-                raise ValueError(f"COMRAD_POLICIES={named} is no whole .tar.gz ({error}); get it again") from None
+            except (tarfile.TarError, lzma.LZMAError, EOFError, OSError) as error:
+                raise ValueError(f"COMRAD_POLICIES={named} is no whole .tar.xz ({error}); get it again") from None
         try:
             index = json.loads(self.content(INDEX))
         except (OSError, KeyError, ValueError):

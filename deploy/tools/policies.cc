@@ -25,17 +25,17 @@ int pack_policies_command(Arguments arguments) {
   std::vector<std::string> sweeps;
   std::string output;
   CommandLine line(
-      "pack-policies SWEEP... --output FILE.tar.gz",
+      "pack-policies SWEEP... --output FILE.tar.xz",
       "Puts the best checkpoint of each scenario, the winner of the evaluations that finished\n"
-      "sweeps kept ([results]), into one archive of 40 MB at most, with their SHA-256. SWEEP is a\n"
-      "sweep's folder, train_dir/<name>.");
+      "sweeps kept ([results]), into one archive of 40 MB at most, with their SHA-256. Weights are\n"
+      "rounded to 7 significant bits. SWEEP is a sweep's folder, train_dir/<name>.");
   line.add_words("SWEEP", sweeps, "folders of sweeps");
-  line.add_option("output", output, "FILE", "the archive: .tar.gz");
+  line.add_option("output", output, "FILE", "the archive: .tar.xz");
   return run_command("pack-policies", line, arguments, [&]() -> Expected<int> {
     if (sweeps.empty() || output.empty())
       return Error{ErrorCode::kBadInput,
-                   "name sweeps and the archive: comrad pack-policies SWEEP... --output FILE.tar.gz"};
-    COMRAD_TRY_ASSIGN(const std::string file, check_output_file("output", output, {".tar.gz"}));
+                   "name sweeps and the archive: comrad pack-policies SWEEP... --output FILE.tar.xz"};
+    COMRAD_TRY_ASSIGN(const std::string file, check_output_file("output", output, {".tar.xz"}));
     return become({"pack", "--learner", sibling_program("comrad-learner"), "--output", file}, sweeps);
   });
 }

@@ -255,13 +255,30 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
   return write_file_atomically(path, {bytes.data(), bytes.size()}, /*durable=*/true);
 }
 
-Status write_without_moments(const std::string& from, const std::string& to) {
+namespace {
+
+constexpr int64_t kRoundedFrom = 1024;  // numbers: matrices, and statistics of pixels
+constexpr int kBitsOfWeights = 7, kBitsOfStatistics = 12;
+
+torch::Tensor with_significant_bits(const torch::Tensor& x, int bits) {
+  const auto [mantissa, exponent] = torch::frexp(x);  // |mantissa| in [0.5, 1)
+  const double steps = 1 << bits;
+  return torch::ldexp(torch::round(mantissa * steps) / steps, exponent);
+}
+
+}  // namespace
+
+Status write_to_be_played(const std::string& from, const std::string& to) {
   COMRAD_TRY_ASSIGN(const StateDict whole, read_checkpoint(from));
   StateDict kept;
   for (const auto& [key, value] : whole.values()) {
     const auto* const tensor = std::get_if<torch::Tensor>(&value);
     if (tensor != nullptr && key.starts_with("optimizer/"))
       kept.put(key, torch::zeros_like(*tensor));
+    else if (tensor != nullptr && tensor->is_floating_point() && tensor->numel() >= kRoundedFrom)
+      kept.put(key,
+               with_significant_bits(
+                   *tensor, tensor->scalar_type() == torch::kFloat64 ? kBitsOfStatistics : kBitsOfWeights));
     else
       std::visit([&](const auto& same) { kept.put(key, same); }, value);
   }

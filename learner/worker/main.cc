@@ -73,8 +73,8 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc == 4 && std::string_view(argv[1]) == "--without_moments") {  // comrad pack-policies
-    const Status written = learn::write_without_moments(argv[2], argv[3]);
+  if (argc == 4 && std::string_view(argv[1]) == "--to_be_played") {  // comrad pack-policies
+    const Status written = learn::write_to_be_played(argv[2], argv[3]);
     if (!written) std::fprintf(stderr, "comrad-learner: error: %s\n", written.error().message.c_str());
     return written ? 0 : exit_code(written.error());
   }

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <torch/csrc/jit/serialization/pickle.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -57,17 +58,29 @@ TEST_F(CheckpointTest, KeepsTheValuesOfTheMomentItWasTaken) {
   EXPECT_EQ((*state.tensor("network/weight"))[0].item<float>(), 1);
 }
 
-TEST_F(CheckpointTest, WithoutMomentsAllElseIsAsItWas) {
+TEST_F(CheckpointTest, WhatIsToBePlayedHasNoMomentsAndRoundedWeights) {
   StateDict state = sample_state();
+  const torch::Tensor large = torch::linspace(-3, 3, 2001);
+  state.put("network/large", large);
+  state.put("normalizer/large", large.to(torch::kFloat64));
   state.put("optimizer/0.exp_avg", torch::ones({3}));
   ASSERT_TRUE(write_checkpoint(path("whole.pt"), state));
-  ASSERT_TRUE(write_without_moments(path("whole.pt"), path("kept.pt")));
+  ASSERT_TRUE(write_to_be_played(path("whole.pt"), path("kept.pt")));
   const Expected<StateDict> kept = read_checkpoint(path("kept.pt"));
   ASSERT_TRUE(kept) << kept.error().message;
   EXPECT_EQ(kept->tensor("optimizer/0.exp_avg")->count_nonzero().item<int64_t>(), 0);
   EXPECT_EQ(kept->values().size(), state.values().size());
   EXPECT_TRUE(torch::equal(*kept->tensor("network/weight"), *state.tensor("network/weight")));
   EXPECT_EQ(*kept->integer("counters/env_frames"), int64_t{1} << 40);
+  const torch::Tensor rounded = *kept->tensor("network/large");
+  for (int64_t i = 0; i < large.numel(); ++i) {
+    const double x = large[i].item<double>(), y = rounded[i].item<double>();
+    EXPECT_LE(std::abs(y - x), std::abs(x) / 128) << x;
+    EXPECT_LE(std::abs((*kept->tensor("normalizer/large"))[i].item<double>() - x), std::abs(x) / 4096) << x;
+    int exponent = 0;
+    const double scaled = 128 * std::frexp(y, &exponent);
+    EXPECT_EQ(scaled, std::round(scaled)) << x << " became " << y;
+  }
 }
 
 TEST_F(CheckpointTest, NamesAMissingOrMisshapenTensor) {
