@@ -5,8 +5,11 @@
 #
 #   deploy/gpu/check.sh [--wheels FOLDER] [--out FOLDER] [--device cuda] [--seconds 20] [--env_frames 1e8] [--preset paper]
 #   deploy/gpu/check.sh --built --build FOLDER [--out FOLDER] ...
-#   deploy/gpu/check.sh --dry --build FOLDER [--out FOLDER]
+#   deploy/gpu/check.sh --dry --build FOLDER [--out FOLDER] [--quick]
+#   deploy/gpu/check.sh --quick [--built --build FOLDER] ...
 #
+#   --quick             some eight minutes once it is built: the comparison, and the rates that settings of a GPU host hang on, one
+#                       by one (policy workers as threads and as processes, large batches, the learner alone, no GPU)
 #   --wheels FOLDER     no network: the PyTorch's wheels, as `pip download -d FOLDER torch==2.14.1 'cuda-toolkit[crt,cccl]'` brings
 #   --built             nothing is compiled: FOLDER has the programs and the tests that know a device
 #   --dry               on the CPU, with programs that FOLDER has already: the comparison runs, the commands of all benches are
@@ -16,7 +19,7 @@ set -euo pipefail
 
 home="$(cd -- "$(dirname -- "$(readlink -f -- "${BASH_SOURCE[0]}")")/../.." && pwd)"
 build="${COMRAD_BUILD_DIR:-${home}/build}"
-out='' wheels='' device=cuda seconds=20 env_frames=1e8 preset=paper dry=0 built=0
+out='' wheels='' device=cuda seconds=20 env_frames=1e8 preset=paper dry=0 built=0 quick=0
 algorithms=(ippo mappo happo idqn vdn qmix qplex_d qplex_q)
 places=("stag_hunt_arena 2" "armory_siege 8")
 
@@ -28,6 +31,7 @@ refuse() {
 while (($# > 0)); do
   case "$1" in
     --built) built=1 ;;
+    --quick) quick=1 ;;
     --dry) dry=1 built=1 device=cpu seconds=1 env_frames=4000 preset=small ;;
     --wheels | --out | --build | --device | --seconds | --env_frames | --preset)
       (($# > 1)) || refuse "$1 needs a value"
@@ -78,6 +82,7 @@ part() {
   fi
 }
 comrad() { "${build}/bin/comrad" "$@"; }
+one_test() { ctest --test-dir "${build}" -R "^$1\$" --no-tests=error --output-on-failure; }
 unit_tests() { ctest --test-dir "${build}/tests/unit/$1" -L unit --output-on-failure; }
 write_report() { python3 "${home}/deploy/gpu/report.py" "${out}" "${dry}" "${device}" "${preset}"; }
 
@@ -103,15 +108,41 @@ if ((!dry)) && ! grep -q '"name":"cuda","level":"OK","found":"[^"]*--device auto
 fi
 # Tests that know COMRAD_TEST_DEVICE use that device; the others show that this libtorch computes on the CPU as Debian's does.
 export COMRAD_TEST_DEVICE="${device}"
-part parity "${build}/tests/device_parity_test" --gtest_output="json:${out}/parts/parity.json" || true
-if ((!dry)); then
-  for name in policy_test batcher_test batch_test; do part "${name}" "${build}/tests/${name}" || true; done
+GTEST_OUTPUT="json:${out}/parts/parity.json" part parity one_test device_parity_test || true
+if ((!dry && !quick)); then
+  for name in policy_test batcher_test batch_test; do part "${name}" one_test "${name}" || true; done
 fi
-if ((!built)); then
+if ((!built && !quick)); then
   part unit_policy_workers unit_tests policy_workers || true
   part unit_learner unit_tests learner || true
 fi
 unset COMRAD_TEST_DEVICE
+
+# rate NAME WORDS...: a bench of `small` on Stag Hunt; in a dry run its settings are read.
+rate() {
+  local name="$1"
+  shift
+  if ((!dry)); then
+    part "bench_${name}" comrad bench "$@" --seconds "${seconds}" --json || true
+  elif [[ "$1" == train ]]; then
+    part "read_${name}" comrad config "${@:2}" --json || true
+  fi
+}
+if ((quick)); then
+  game=(--scenario stag_hunt_arena --algo ippo)
+  threads=(--policy_processes=False --policy_workers)
+  lscpu >"${out}/lscpu.txt" 2>/dev/null || true
+  for count in 1 2 3; do
+    rate "${count}_policy_threads" train "${game[@]}" --preset small --device "${device}" "${threads[@]}" "${count}"
+  done
+  rate policy_processes train "${game[@]}" --preset small --device "${device}"
+  rate large_batches train "${game[@]}" --preset small --device "${device}" "${threads[@]}" 2 --num_envs_per_worker 32 --batch_size 4096
+  for name in small paper; do rate "learner_${name}" learner "${game[@]}" --preset "${name}" --device "${device}"; done
+  for count in 4 6 16; do rate "cpu_${count}_simulators" train "${game[@]}" --preset small --device cpu --num_workers "${count}"; done
+  write_report
+  ((!failed))
+  exit
+fi
 
 for place in "${places[@]}"; do
   read -r scenario agents <<<"${place}"

@@ -117,15 +117,16 @@ def main() -> int:
     for algo, found in report["parity"].items():
         shown = " | ".join(f"{found[kind + '_largest_difference']:.1e}" if kind + "_largest_difference" in found else "-" for kind in kinds)
         text.append(f"| {algo} | {shown} | {'yes' if found['agrees'] else '**no**'} |")
-    text += ["", "| scenario | N | algorithm | decisions/s | env frames/s | GPU busy, % | GPU memory, MB | limit |", "|---|---|---|---|---|---|---|---|"]
+    text += ["", "| part | scenario | N | algorithm | decisions/s | env frames/s | GPU busy, % | GPU memory, MB | limit |", "|---|---|---|---|---|---|---|---|---|"]
     for row in report["bench"]:
         text.append(
-            f"| {row['scenario'] or row['part']} | {row['num_agents'] or '-'} | {row['algo'] or '-'} | {number(row['decisions_per_s'])} "
+            f"| {row['part'].removeprefix('bench_')} | {row['scenario'] or '-'} | {row['num_agents'] or '-'} | {row['algo'] or '-'} | {number(row['decisions_per_s'])} "
             f"| {number(row['env_frames_per_s'])} | {number(row.get('gpu_busy_percent'))} | {number(row.get('gpu_memory_mb'))} "
             f"| {row['bottleneck'] or '-'} |"
         )
     done = report["training"]
-    text += ["", f"MAPPO on Stag Hunt, {number(done['env_frames'])} env frames: {number(done['wall_s'], 1)} s, state {done['state']}."]
+    if wall:
+        text += ["", f"MAPPO on Stag Hunt, {number(done['env_frames'])} env frames: {number(done['wall_s'], 1)} s, state {done['state']}."]
     (out / "gpu.md").write_text("\n".join(text) + "\n")
     print(out / "gpu.md")
     return 0
