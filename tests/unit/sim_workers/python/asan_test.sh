@@ -10,13 +10,13 @@ python="$1" build="$2"
 here="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")" && pwd)"
 home="$(cd -- "${here}/../../../.." && pwd)"
 
-if ! "${python}" -c 'import nanobind, gymnasium, pettingzoo' 2>/dev/null; then
-  echo "[  SKIPPED ] 1 test, Python package under ASan: ${python} lacks nanobind, gymnasium or pettingzoo; ./comrad test installs them"
+if ! "${python}" -c 'import nanobind, nanobind_backend, gymnasium, pettingzoo' 2>/dev/null; then
+  echo "[  SKIPPED ] 1 test, Python package under ASan: ${python} lacks nanobind, nanobind-backend, gymnasium or pettingzoo; ./comrad test installs them"
   exit 77
 fi
 flags="-O1 -g1 -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all"
 mkdir -p "${build}"
-cmake -S "${home}" -B "${build}" -G Ninja -DSKBUILD=ON -DPython_EXECUTABLE="$(command -v "${python}")" -DCMAKE_BUILD_TYPE=Asan \
+cmake -S "${home}" -B "${build}" -G Ninja -DSKBUILD=ON -DSKBUILD_SCRIPTS_DIR=bin -DPython_EXECUTABLE="$(command -v "${python}")" -DCMAKE_BUILD_TYPE=Asan \
   -DCMAKE_CXX_FLAGS="${flags}" -DCMAKE_C_FLAGS="${flags}" -DCMAKE_SHARED_LINKER_FLAGS="-fsanitize=address,undefined" >"${build}/configure.log" 2>&1 ||
   { tail -n 20 "${build}/configure.log"; exit 1; }
 cmake --build "${build}" -j "$(nproc)" --target python_package >"${build}/build.log" 2>&1 || { tail -n 30 "${build}/build.log"; exit 1; }
