@@ -75,8 +75,9 @@ int64_t aligned(int64_t bytes);
 /// `count` numbers of `type` at an aligned `offset` of u8 [B].
 Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type);
 
-/// Work of fixed shapes and addresses that is recorded once, with the calling thread's priority, and then launched as one piece. What it reads and
-/// writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it is launched again each time.
+/// Work of fixed shapes and addresses that is recorded once, with the priority of the calling thread's queue, and then launched
+/// as one piece. What it reads and writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it
+/// is launched again each time.
 class Graph {
  public:
   Graph();

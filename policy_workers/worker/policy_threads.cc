@@ -49,7 +49,8 @@ void PolicyThreads::work(int worker_index) {
 }
 
 Status PolicyThreads::serve(int worker_index) const {
-  device::set_math_threads(static_cast<int>(config_.collection.policy_threads));  // of this thread alone
+  device::set_operator_threads(
+      static_cast<int>(config_.collection.policy_threads));  // this thread's; BLAS has the learner's
   COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config_, worker_index)));
   const device::StreamScope scope(device::Stream::beside(device, device::Priority::kHigh));
   COMRAD_TRY_ASSIGN(PolicyWorker worker,

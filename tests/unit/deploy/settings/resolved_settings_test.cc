@@ -198,6 +198,19 @@ constexpr ScenarioRow kSmallScenarios[] = {
     {"lava_pit", {"gamma", "0.9995"}},
     {"rhythm_sync", {"gamma", "0.999"}},
     {"stag_hunt_arena", {"q_value_clamp", "100 100 100 100 0 0 0 0"}},
+    {"stag_hunt_arena",
+     {"reward",
+      "hare_kill=0@0,3@3.5e6,health_lost=0@0,-0.01@3.5e6,own_death=0@0,-2@3.5e6 "
+      "hare_kill=0@0,3@3.5e6,health_lost=0@0,-0.01@3.5e6,own_death=0@0,-2@3.5e6 "
+      "hare_kill=0@0,3@3.5e6,health_lost=0@0,-0.01@3.5e6,own_death=0@0,-2@3.5e6 - - - - -"}},
+    {"stag_hunt_arena",
+     {"exploration_loss",
+      "entropy entropy entropy symmetric_kl symmetric_kl symmetric_kl symmetric_kl symmetric_kl"}},
+    {"stag_hunt_arena",
+     {"exploration_loss_coeff",
+      "0.01@0..0.003@1e7 0.01@0..0.003@1e7 0.01@0..0.003@1e7 0.001 0.001 0.001 0.001 0.001"}},
+    {"stag_hunt_arena", {"encoder", "impala impala impala simple simple simple simple simple"}},
+    {"stag_hunt_arena", {"rnn_size", "256 256 256 512 512 512 512 512"}},
 };
 
 /// What changes neither what is learned from nor how: the run, its processes, memory, records, and which maps are drawn.
