@@ -118,7 +118,7 @@ if ((!built && !quick)); then
 fi
 unset COMRAD_TEST_DEVICE
 
-# rate NAME WORDS...: a bench of `small` on Stag Hunt; in a dry run its settings are read.
+# rate NAME WORDS...: a bench; in a dry run its settings are read.
 rate() {
   local name="$1"
   shift
@@ -129,7 +129,7 @@ rate() {
   fi
 }
 if ((quick)); then
-  game=(--scenario stag_hunt_arena --algo ippo)
+  game=(--scenario coop_health_gathering --algo ippo) # with the preset's own network
   threads=(--policy_processes=False --policy_workers)
   lscpu >"${out}/lscpu.txt" 2>/dev/null || true
   for count in 1 2 3; do

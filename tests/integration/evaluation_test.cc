@@ -318,7 +318,13 @@ TEST_F(EvaluationOfRuns, TheBestPolicyIsPackedFetchedAndPlays) {
     ASSERT_EQ(done.exit_code, 0) << done.err;
     EXPECT_THAT(done.out, HasSubstr("mappo, seed 2, J 700.2"));
   }
-  // Weights are rounded, so drawn actions may differ from b's.
+  // Weights are rounded, so drawn actions may differ from b's; the file is what the learner makes of b's.
+  const std::string expected = *scratch_ / "expected.pt", file = fs::path(checkpoint("b")).filename();
+  ASSERT_EQ(RunningProgram({program("comrad-learner"), "--to_be_played", checkpoint("b"), expected})
+                .wait()
+                .exit_code,
+            0);
+  EXPECT_EQ(read_text(fetched + "/policy_" + name + "/checkpoint/" + file), read_text(expected));
   const nlohmann::json result = play({"--policy", "policy_" + name, "--train_dir", fetched});
   EXPECT_THAT(result["each"], SizeIs(2));
   EXPECT_EQ(result["scenario"], name);

@@ -9,6 +9,7 @@
 
 #include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/slab_pool.h"
 #include "rollout_buffer/shm/step_slots.h"
@@ -29,6 +30,16 @@ inline NetworkOptions small_network(const std::string& core = "gru") {
   options.rnn_type = core == "lstm" ? RnnType::kLstm : RnnType::kGru;
   options.rnn_size = 16;
   return options;
+}
+
+/// Settings that fit small_network().
+inline RunConfig small_config() {
+  RunConfig config;
+  config.network.rnn_size = 16;
+  config.collection.device = "cpu";
+  config.collection.min_batch = 1;
+  config.collection.max_wait_us = 200;
+  return config;
 }
 
 struct ArenaOptions {

@@ -29,6 +29,17 @@ TEST(CoreSeconds, CountsWorkOfTheNamedCoresAndNoWaits) {
   EXPECT_THAT(core_seconds("", std::vector{0}), ElementsAre(0));
 }
 
+/// What a worker of the run counts in one stage.
+void write_stage(const test::ScratchFolder& run_dir, const std::string& name, uint64_t pid, Stage stage,
+                 uint64_t ns, uint64_t bytes) {
+  std::array<uint64_t, 2 + kStageCount> words{};
+  words.front() = pid;
+  words[1 + static_cast<std::size_t>(stage)] = ns;
+  words.back() = bytes;
+  std::ofstream(run_dir / (std::string(kStagesFolder) + "/" + name), std::ios::binary)
+      .write(reinterpret_cast<const char*>(words.data()), sizeof words);
+}
+
 TEST(ReadUsage, AddsUpWhatWorkersCountByRole) {
   const test::ScratchFolder run_dir;
   const shm::Arena arena = *shm::Arena::create(test::small_arena_shape(), 1);
@@ -38,17 +49,9 @@ TEST(ReadUsage, AddsUpWhatWorkersCountByRole) {
   EXPECT_EQ(read_usage(run_dir.string(), arena).cpu_s(), 0) << "no counters";
 
   std::filesystem::create_directory(run_dir / kStagesFolder);
-  const auto write = [&](const std::string& name, uint64_t pid, Stage stage, uint64_t ns, uint64_t bytes) {
-    std::array<uint64_t, 2 + kStageCount> words{};
-    words.front() = pid;
-    words[1 + static_cast<std::size_t>(stage)] = ns;
-    words.back() = bytes;
-    std::ofstream(run_dir / (std::string(kStagesFolder) + "/" + name), std::ios::binary)
-        .write(reinterpret_cast<const char*>(words.data()), sizeof words);
-  };
-  write("sim-0", static_cast<uint64_t>(getpid()), Stage::kTic, 3'000'000'000, 10);
-  write("sim-1", 999'999'999, Stage::kTic, 1'000'000'000, 5);
-  write("learner-0", 999'999'999, Stage::kOptimizer, 250'000'000, 100);
+  write_stage(run_dir, "sim-0", static_cast<uint64_t>(getpid()), Stage::kTic, 3'000'000'000, 10);
+  write_stage(run_dir, "sim-1", 999'999'999, Stage::kTic, 1'000'000'000, 5);
+  write_stage(run_dir, "learner-0", 999'999'999, Stage::kOptimizer, 250'000'000, 100);
   const double cpu_s_before = process_cpu_s();
   const RunUsage usage = read_usage(run_dir.string(), arena);
   EXPECT_DOUBLE_EQ(usage.of(Stage::kTic), 4);
@@ -69,11 +72,7 @@ TEST(ReadUsage, PolicyWorkersThatAreThreadsOfALearnerAreNotItsTime) {
   const test::ScratchFolder run_dir;
   const shm::Arena arena = *shm::Arena::create(test::small_arena_shape(), 1);
   std::filesystem::create_directory(run_dir / kStagesFolder);
-  std::array<uint64_t, 2 + kStageCount> words{};
-  words.front() = static_cast<uint64_t>(getpid());
-  words[1 + static_cast<std::size_t>(Stage::kForward)] = 10'000'000;
-  std::ofstream(run_dir / (std::string(kStagesFolder) + "/learner-0"), std::ios::binary)
-      .write(reinterpret_cast<const char*>(words.data()), sizeof words);
+  write_stage(run_dir, "learner-0", static_cast<uint64_t>(getpid()), Stage::kForward, 10'000'000, 0);
   while (process_cpu_s() < 0.05) continue;
   const RunUsage usage = read_usage(run_dir.string(), arena);
   EXPECT_DOUBLE_EQ(usage.policy_workers.cpu_s, 0.01);

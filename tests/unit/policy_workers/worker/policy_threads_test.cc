@@ -15,21 +15,12 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-RunConfig small_config() {
-  RunConfig config;
-  config.network.rnn_size = 16;
-  config.collection.device = "cpu";
-  config.collection.min_batch = 1;
-  config.collection.max_wait_us = 10'000'000;
-  config.collection.policy_processes = false;
-  return config;
-}
-
 TEST(PolicyThreads, EachAnswersItsSplitsUntilTheyAreStopped) {
   const NetworkOptions options = small_network();
   const ActorCritic learner = ActorCritic::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {.policy_workers = 2}, learner.weights_bytes());
-  const RunConfig config = small_config();
+  RunConfig config = small_config();
+  config.collection.max_wait_us = 10'000'000;  // a split is one batch, however slowly it is committed
   FakeSplit first(arena, 0, 0), second(arena, 0, 1);
   {
     const PolicyThreads threads(config, arena);

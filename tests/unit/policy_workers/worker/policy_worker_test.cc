@@ -23,15 +23,6 @@
 namespace comrad::policy {
 namespace policy_worker_test {
 
-RunConfig small_config() {
-  RunConfig config;
-  config.network.rnn_size = 16;
-  config.collection.device = "cpu";
-  config.collection.min_batch = 1;
-  config.collection.max_wait_us = 200;
-  return config;
-}
-
 void publish(const shm::Arena& arena, const ActorCritic& net, PolicyVersion version) {
   arena.weights().publish(net.weights(), version);
 }
