@@ -15,7 +15,6 @@
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/ranks/rank_group.h"
 #include "learner/step/update_stats.h"
-#include "policy_workers/device/snapshot.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/schema/version.h"
@@ -39,9 +38,9 @@ class Algorithm {
   virtual PolicyVersion version() const = 0;
   virtual int64_t parameter_count() const = 0;
 
-  /// The behaviour policy's weights as policy workers read them.
+  /// The behaviour policy's weights as policy workers read them: tensors on the device, and flat bytes of all of them.
+  virtual std::vector<Tensor> weight_tensors() const = 0;
   virtual int64_t weights_bytes() const = 0;
-  virtual void copy_weights(device::Snapshot& into) const = 0;
   virtual std::vector<std::byte> weights() const = 0;
 
   /// From now on each update is that of all ranks together, each with its share of the batch; `ranks` outlives the

@@ -52,8 +52,8 @@ class QLearning : public OffPolicyAlgorithm {
  public:
   PolicyVersion version() const override { return runner_.version(); }
   int64_t parameter_count() const override;
+  std::vector<Tensor> weight_tensors() const override { return net_.weight_tensors(); }
   int64_t weights_bytes() const override { return net_.weights_bytes(); }
-  void copy_weights(device::Snapshot& into) const override { net_.copy_weights(into); }
   std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
   Status learn_with(RankGroup& ranks) override;

@@ -350,7 +350,7 @@ void ReplayFeed::feed() {
     const uint32_t heard = shm::listen(sealed);
     const std::vector<uint32_t> slabs = arena_->slabs().drain(1, share);
     for (const uint32_t slab : slabs) {
-      insert(*arena_, slab, arena_->weights().version());
+      insert(*arena_, slab, arena_->control().policy_version.load());
       arena_->slabs().release(slab);
     }
     if (const std::optional<Error> error = replay_->write_error()) {

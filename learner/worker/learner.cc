@@ -17,6 +17,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
+#include "rollout_buffer/settings/applies_when.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/futex.h"
 #include "rollout_buffer/shm/weight_buffers.h"
@@ -26,6 +27,8 @@ namespace {
 
 constexpr double kPollIntervalS = 0.05;
 constexpr double kEndIsKnownWithinS = 0.5;
+/// Where policy workers are threads, weights in the arena are for other hosts alone: a copy at most every so many seconds.
+constexpr double kWeightsOfHostsS = 0.5;
 /// A stop lets the optimizer step in hand end; one that takes longer (LearnerOptions) is given up, so that the process is
 /// gone in 10 s. Lock step can only save at a boundary; where the last one is not kept, it gets more time to reach the next.
 constexpr double kAbandonRolloutAfterS = 7.5;
@@ -37,6 +40,7 @@ Learner::Learner(const LearnerOptions& options, const RunConfig& config, shm::Ar
     : options_(options),
       config_(config),
       lock_step_(config.collection.deterministic || !config.collection.async_rl),
+      has_policy_threads_(!config.collection.policy_processes && !options.serve),
       ranks_(options.ranks != nullptr ? *options.ranks : alone_),
       arena_(std::move(arena)),
       stop_(stop, arena_),
@@ -75,13 +79,13 @@ Status Learner::open() {
   control.goal_reached = 0;
   failed_before_ = control.checkpoints_failed.load();
   control.saved_env_frames = totals_.env_frames;
-  weights_->offer();
+  offer_weights();
   weights_->finish();
   // Last of all: simulators read journals once this is above 0.
   control.rollouts_allowed = source_ ? source_->rollouts_allowed() : kUnlimited;
   shm::ring(control.slab_released);
-  if (!config_.collection.policy_processes && !options_.serve)
-    policies_ = std::make_unique<policy::PolicyThreads>(config_, arena_);
+  if (has_policy_threads_)
+    policies_ = std::make_unique<policy::PolicyThreads>(config_, arena_, local_weights_);
   counters.state = shm::WorkerState::kRunning;
   spdlog::info("learner: {} with {} parameters, version {}, {} env frames so far", config_.run.algo.name(),
                algorithm_->parameter_count(), algorithm_->version(), totals_.env_frames);
@@ -100,7 +104,8 @@ Status Learner::make_network() {
   COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, device_));
   weights_ = std::make_unique<WeightsPublisher>(
       *algorithm_,
-      [this](std::span<const std::byte> weights, PolicyVersion version) { publish(weights, version); });
+      [this](std::span<const std::byte> weights, PolicyVersion version) { publish(weights, version); },
+      has_policy_threads_ ? kWeightsOfHostsS : 0);
   if (!ranks_.is_alone()) COMRAD_TRY(algorithm_->learn_with(ranks_));
   ranks_.set_watch([this] { return check_others(); });
   spdlog::info("learner: trains on {}{}", device_.str(),
@@ -316,7 +321,7 @@ UpdateContext Learner::update_context() {
   UpdateContext context;
   context.env_frames = static_cast<double>(totals_.env_frames);
   // Fresh weights after every optimizer step keep the lag low; lock step publishes at the boundary only.
-  if (!lock_step_) context.after_step = [this] { weights_->offer(); };
+  if (!lock_step_) context.after_step = [this] { offer_weights(); };
   context.begin_step = [this] { return lock_step_ || !stop_.requested(); };
   context.keep_going = [this] {
     poll();
@@ -327,14 +332,29 @@ UpdateContext Learner::update_context() {
   return context;
 }
 
+/// To policy workers, here and on other hosts.
+void Learner::offer_weights() {
+  if (has_policy_threads_) {
+    StageClock stage;
+    stage.begin();
+    local_weights_.publish(algorithm_->weight_tensors(), algorithm_->version());
+    arena_.control().policy_version = algorithm_->version();
+    stage.end(Stage::kPublish);
+  }
+  if (!has_policy_threads_ || with::join_endpoint.holds(config_)) weights_->offer();
+}
+
+/// In the arena, for processes.
 void Learner::publish(std::span<const std::byte> weights, PolicyVersion version) {
   arena_.weights().publish(weights, version);
+  // Threads may already have a newer version.
+  if (has_policy_threads_) arena_.control().policy_version = *local_weights_.version();
   count_copied(2 * weights.size());  // out of the network and into the arena
 }
 
 /// Lock step: the rollout in hand is trained on.
 void Learner::close_rollout() {
-  weights_->offer();
+  offer_weights();
   weights_->finish();
   source_->close_rollout();
   if (layouts_) layouts_->serve(arena_), layouts_->capture_mailboxes(arena_, source_->resumes_exactly());

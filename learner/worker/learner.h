@@ -80,6 +80,7 @@ class Learner {
   Status check_others();
   Expected<UpdateStats> left_by_others(const Error& why, UpdateStats stats);
   UpdateContext update_context();
+  void offer_weights();
   void publish(std::span<const std::byte> weights, PolicyVersion version);
   void close_rollout();
   void give_up_rollout();
@@ -96,6 +97,7 @@ class Learner {
   const LearnerOptions options_;
   const RunConfig config_;
   const bool lock_step_;
+  const bool has_policy_threads_;  ///< else policy workers are processes
   RankGroup alone_;
   RankGroup& ranks_;
   shm::Arena arena_;
@@ -109,7 +111,8 @@ class Learner {
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::unique_ptr<BatchSource> source_;     ///< null: it only serves
   std::unique_ptr<WeightsPublisher> weights_;
-  std::unique_ptr<policy::PolicyThreads> policies_;  ///< null: policy workers are processes
+  policy::LocalWeights local_weights_;               ///< of the policy threads
+  std::unique_ptr<policy::PolicyThreads> policies_;  ///< null: none
   /// Lock step, on-policy: the last boundary, which is saved where the rollout behind it is given up.
   struct Boundary {
     StateDict state;

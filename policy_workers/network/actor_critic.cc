@@ -358,17 +358,15 @@ int64_t ActorCritic::weights_bytes() const {
   return bytes;
 }
 
-std::vector<Tensor> ActorCritic::state_tensors() const {
+std::vector<Tensor> ActorCritic::weight_tensors() const {
   std::vector<Tensor> state;
   for (auto& [name, tensor] : named_state()) state.push_back(tensor.detach());
   return state;
 }
 
-void ActorCritic::copy_weights(device::Snapshot& into) const { into.take(state_tensors()); }
-
 std::vector<std::byte> ActorCritic::weights() const {
   device::Snapshot copy;
-  copy_weights(copy);
+  copy.take(weight_tensors());
   const std::span<const std::byte> bytes = copy.wait();
   return {bytes.begin(), bytes.end()};
 }
@@ -378,8 +376,8 @@ Status ActorCritic::read_weights(std::span<const std::byte> in) const {
     return Error{ErrorCode::kBadFormat, fmt::format("weights of {} bytes, but this network has {}; learner "
                                                     "and policy worker must run the same config.toml",
                                                     in.size(), weights_bytes())};
-  impl_->upload.put(in, state_tensors());
-  impl_->normalizer->refresh();
+  impl_->upload.put(in, weight_tensors());
+  state_changed();
   return {};
 }
 

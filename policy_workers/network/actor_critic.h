@@ -116,14 +116,13 @@ class ActorCritic {
   NamedTensors named_state() const;
   int64_t parameter_count() const;
 
-  /// All of named_state as flat bytes in that order: what travels from learner to policy workers.
+  /// What travels from learner to policy workers: the tensors of named_state, and all of them as flat bytes in that order.
+  std::vector<Tensor> weight_tensors() const;
   int64_t weights_bytes() const;
-  void copy_weights(device::Snapshot& into) const;
   std::vector<std::byte> weights() const;
   Status read_weights(std::span<const std::byte> in) const;
 
-  /// Call after writing into tensors of named_state() (a loaded checkpoint): recomputes what is derived
-  /// from them.
+  /// Call after writing into tensors of named_state() or weight_tensors(): recomputes what is derived from them.
   void state_changed() const;
 
   const NetworkOptions& options() const;
@@ -132,7 +131,6 @@ class ActorCritic {
   torch::Device device() const;
 
  private:
-  std::vector<Tensor> state_tensors() const;  // of named_state
   static ActorCritic make(const NetworkOptions& options, uint64_t seed, torch::Device device,
                           std::shared_ptr<ObservationNormalizer> normalizer);
   std::shared_ptr<ActorCriticImpl> impl_;

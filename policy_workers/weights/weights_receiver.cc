@@ -4,6 +4,19 @@
 
 namespace comrad::policy {
 
+bool WeightsReceiver::has_any() const {
+  return local_ != nullptr ? local_->version().has_value() : arena_->weights().has_any();
+}
+
+Expected<bool> WeightsReceiver::refresh(const ActorCritic& policy) {
+  if (local_ == nullptr)
+    return refresh([&policy](std::span<const std::byte> bytes) { return policy.read_weights(bytes); });
+  if (!has_any() || version_ == local_->version()) return false;
+  version_ = local_->read(policy.weight_tensors());
+  policy.state_changed();
+  return true;
+}
+
 Expected<bool> WeightsReceiver::refresh(const std::function<Status(std::span<const std::byte>)>& read) {
   const PolicyVersion published = arena_->control().policy_version.load(std::memory_order_acquire);
   if (version_ && *version_ == published) return false;

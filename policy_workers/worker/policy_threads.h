@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include "policy_workers/weights/local_weights.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
@@ -17,8 +18,8 @@ namespace comrad::policy {
 /// another packs. Threads: all functions may be called by any.
 class PolicyThreads {
  public:
-  /// Both outlive it.
-  PolicyThreads(const RunConfig& config, const shm::Arena& arena);
+  /// All outlive it.
+  PolicyThreads(const RunConfig& config, const shm::Arena& arena, const LocalWeights& weights);
   PolicyThreads(const PolicyThreads&) = delete;
   PolicyThreads& operator=(const PolicyThreads&) = delete;
   /// Stops them and waits for their batches.
@@ -33,6 +34,7 @@ class PolicyThreads {
 
   const RunConfig& config_;
   const shm::Arena& arena_;
+  const LocalWeights& weights_;
   std::atomic<bool> stop_{false};
   mutable std::mutex mutex_;
   Status failure_;

@@ -83,7 +83,7 @@ PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& o
       policy_(std::move(policy)),
       seats_(std::move(seats)),
       batcher_(std::move(batcher)),
-      weights_(arena) {
+      weights_(arena, options.learners_weights) {
   if (!seats_ && !options.is_random && (options.is_staged || !policy_.device().is_cpu()))
     staged_ = std::make_unique<StagedForward>(policy_, arena.shape(), packing_threads(arena.shape()));
 }
@@ -100,8 +100,7 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
   while (!shm::is_stopping(stop, *arena_)) {
     if (needs_weights() && !weights_.version()) {
       const uint32_t heard = shm::listen(arena_->control().weights_published);
-      if (!arena_->weights().has_any())
-        shm::wait(arena_->control().weights_published, heard, kGatherTimeoutUs);
+      if (!weights_.has_any()) shm::wait(arena_->control().weights_published, heard, kGatherTimeoutUs);
       COMRAD_TRY(refresh());
     } else if (const Batch& batch = batcher_.gather(kGatherTimeoutUs); !batch.is_empty()) {
       const int64_t began_ns = monotonic_ns();
@@ -112,7 +111,7 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
         // After the wait, not before it: in lock step the learner publishes and then lets simulators continue,
         // so the requests that end a wait already expect the new weights.
         COMRAD_TRY_ASSIGN(const PolicyOutput output, answer(batch));
-        if (options_.is_thread)
+        if (is_thread())
           stage.end(Stage::kForward);
         else
           stage.begin();
@@ -129,7 +128,7 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
 
 Expected<PolicyOutput> PolicyWorker::answer(const Batch& batch) {
   std::optional<ProcessStage> stage;
-  if (!options_.is_thread) stage.emplace(Stage::kForward);  // libtorch's threads work on it too
+  if (!is_thread()) stage.emplace(Stage::kForward);  // libtorch's threads work on it too
   COMRAD_TRY(refresh());
   if (seats_) return seats_->step(batch);
   if (staged_) return staged_->step(batch);
@@ -143,7 +142,7 @@ Status PolicyWorker::refresh() {
           ? weights_.refresh([this](std::span<const std::byte> bytes) { return seats_->read_weights(bytes); })
           : weights_.refresh(policy_);
   if (refreshed) {
-    if (*refreshed) count_copied(static_cast<uint64_t>(arena_->shape().weights_bytes));
+    if (*refreshed && !is_thread()) count_copied(static_cast<uint64_t>(arena_->shape().weights_bytes));
     if (*refreshed && seats_) batcher_.seat(seats_->rules());
     if (*refreshed) spdlog::debug("weights of version {}", *weights_.version());
     return {};

@@ -30,7 +30,8 @@ struct PolicyWorkerOptions {
   bool is_evaluation = false;
   /// On a CPU, too, batches go by way of StagedForward, as they do on a GPU: for tests of that way.
   bool is_staged = false;
-  bool is_thread = false;  ///< of a process with other work, whose processor time is not counted here
+  /// Of the learner in whose process this is a thread: the process's time and the arena's weights are not its own. Null: a process.
+  const LocalWeights* learners_weights = nullptr;
 };
 
 /// Joined to one run.
@@ -50,6 +51,7 @@ class PolicyWorker {
   PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, ActorCritic policy,
                std::optional<SeatNetworks> seats, Batcher batcher);
   bool needs_weights() const { return seats_ ? seats_->needs_weights() : !options_.is_random; }
+  bool is_thread() const { return options_.learners_weights != nullptr; }
   Status refresh();
   Expected<PolicyOutput> answer(const Batch& batch);
   void count_batch(const Batch& batch, int64_t busy_ns);

@@ -235,10 +235,13 @@ class LearnerTest : public ::testing::Test {
     outcome.env_frames = (*learner)->env_frames();
     outcome.version = (*learner)->algorithm().version();
     outcome.weights = (*learner)->algorithm().weights();
+    outcome.published = observer.control().policy_version.load();
+    EXPECT_EQ(observer.weights().has_any(), config.collection.policy_processes || config.hosts.serve);
+    if (!observer.weights().has_any()) return outcome;
     std::vector<std::byte> published;
     const auto version = observer.weights().read(published);
     EXPECT_TRUE(version);
-    outcome.published = *version;
+    EXPECT_EQ(outcome.published, *version);
     // What was learned of an abandoned rollout is not published.
     EXPECT_TRUE(stop_at_batches_ > 0 || published == outcome.weights);
     return outcome;
@@ -295,6 +298,18 @@ TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
                            "train/num_sgd_steps", "train/version_diff_avg", "perf/_fps", "stats/slabs_sealed",
                            "train/adam_gain_core", "train/grad_norm_encoder"})
     EXPECT_TRUE(report.contains(name)) << name;
+}
+
+TEST_F(LearnerTest, WhosePolicyWorkersAreThreadsLeavesTheArenasWeightsToOtherHosts) {
+  RunConfig config = small_config();
+  config.collection.policy_processes = false;
+  config.run.train_for_env_frames = 5 * 16 * 4;
+  for (const bool serve : {false, true}) {
+    config.hosts.serve = serve;
+    const Outcome outcome = live(config, serve ? "with_hosts" : "alone");
+    ASSERT_TRUE(outcome.status) << outcome.status.error().message;
+    EXPECT_EQ(outcome.published, 5u);
+  }
 }
 
 TEST_F(LearnerTest, TrainingThatCannotLearnIsBadInputAndLeavesNoCheckpoint) {

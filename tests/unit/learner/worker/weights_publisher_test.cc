@@ -27,8 +27,8 @@ class Counted : public Algorithm {
 
   PolicyVersion version() const override { return version_; }
   int64_t parameter_count() const override { return 1; }
+  std::vector<torch::Tensor> weight_tensors() const override { return {weight_}; }
   int64_t weights_bytes() const override { return static_cast<int64_t>(weight_.nbytes()); }
-  void copy_weights(device::Snapshot& into) const override { into.take({weight_}); }
   std::vector<std::byte> weights() const override { return {}; }
   void append_diagnostics(NamedNumbers&) const override {}
   void save(StateDict&) const override {}
@@ -73,6 +73,21 @@ TEST_F(WeightsPublisherTest, DoesNotWaitForADeviceAndSkipsWhatHasANewerOneBehind
   EXPECT_THAT(published_, IsEmpty());
   publisher_.finish();
   EXPECT_THAT(published_, ElementsAre(Pair(1, 1), Pair(3, 3)));
+}
+
+TEST_F(WeightsPublisherTest, AnIntervalPassesBetweenTwoUnlessTheyAreTheLast) {
+  WeightsPublisher patient(
+      algorithm_,
+      [this](std::span<const std::byte>, PolicyVersion version) { published_.emplace_back(version, 0); },
+      /*interval_s=*/1e9);
+  for (int step = 0; step < 3; ++step) {
+    algorithm_.step();
+    patient.offer();
+    patient.deliver();
+  }
+  EXPECT_THAT(published_, ElementsAre(Pair(1, 0)));
+  patient.finish();
+  EXPECT_THAT(published_, ElementsAre(Pair(1, 0), Pair(3, 0)));
 }
 
 }  // namespace weights_publisher_test

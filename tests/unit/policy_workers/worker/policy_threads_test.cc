@@ -23,8 +23,9 @@ TEST(PolicyThreads, EachAnswersItsSplitsUntilTheyAreStopped) {
   config.collection.max_wait_us = 10'000'000;  // a split is one batch, however slowly it is committed
   FakeSplit first(arena, 0, 0), second(arena, 0, 1);
   {
-    const PolicyThreads threads(config, arena);
-    arena.weights().publish(learner.weights(), 3);
+    LocalWeights weights;
+    const PolicyThreads threads(config, arena, weights);
+    weights.publish(learner.weight_tensors(), 3);
     for (FakeSplit* split : {&first, &second}) {
       split->commit_act(true);
       ASSERT_TRUE(split->await());
@@ -32,6 +33,7 @@ TEST(PolicyThreads, EachAnswersItsSplitsUntilTheyAreStopped) {
       split->take_act();
     }
     EXPECT_TRUE(threads.check());
+    EXPECT_FALSE(arena.weights().has_any());
     EXPECT_NE(arena.control().run_state.load(), shm::RunState::kStopping);
   }
   for (int worker = 0; worker < 2; ++worker) {
@@ -44,7 +46,8 @@ TEST(PolicyThreads, TheFirstErrorIsKept) {
   const NetworkOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.policy_workers = 2}, /*weights_bytes=*/64);
   const RunConfig config = small_config();
-  const PolicyThreads threads(config, arena);
+  const LocalWeights weights;
+  const PolicyThreads threads(config, arena, weights);
   ASSERT_TRUE(test::wait_until([&] { return !threads.check(); }));
   EXPECT_EQ(threads.check().error().code, ErrorCode::kBadInput);
   EXPECT_THAT(threads.check().error().message, AllOf(StartsWith("policy-"), HasSubstr("the arena holds 64")));
