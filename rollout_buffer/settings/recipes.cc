@@ -55,6 +55,10 @@ constexpr RecipeRow kRecipeRows[] = {
      "one batch in waiting keeps the policy lag near 4, with 8 environments near 2"},
     {"small", "on_policy", "num_envs_per_worker", "8",
      "0.9 of the rate of 16 on two cores, and the data is half as old"},
+    {"small", "on_policy", "encoder", "impala",
+     "with the smaller core two fifths of the published network's arithmetic: 1.7 times the env frames in "
+     "the same minutes (RECIPES.md)"},
+    {"small", "on_policy", "rnn_size", "256", "as the encoder"},
     {"small", "on_policy", "rnn_type", "gru", "three quarters of an LSTM's arithmetic"},
     {"small", "on_policy", "learning_rate", "4e-4",
      "four times the published rate, for 2 000 updates instead of 24 000"},

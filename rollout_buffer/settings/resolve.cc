@@ -39,6 +39,11 @@ bool policies_use_gpu(const RunConfig& config) {
   return false;
 }
 
+/// Processes take turns on a GPU, so one keeps it busy; of two threads one packs while the other waits for its answers.
+int64_t policy_workers_on_gpus(const RunConfig& config) {
+  return config.collection.policy_processes ? devices_of_policies(config) : 2;
+}
+
 /// Settings that Q-learning cannot have together.
 Status check_q_combinations(const RunConfig& c) {
   const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
@@ -302,10 +307,9 @@ Status resolve_settings(RunConfig& config, int core_count) {
   const int64_t env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
   const int64_t group_count = c.collection.num_workers * c.collection.worker_num_splits;
   if (c.collection.policy_workers == 0)
-    // On 16 cores three made the pipeline 1.3 times as fast as one; on a GPU a second one changes nothing, for processes
-    // take turns there (BENCHMARKS.md).
+    // On 16 cores three made the pipeline 1.3 times as fast as one.
     c.collection.policy_workers = std::min(
-        {on_gpu ? devices_of_policies(c) : std::max<int64_t>(1, cores / 5), group_count, int64_t{64}});
+        {on_gpu ? policy_workers_on_gpus(c) : std::max<int64_t>(1, cores / 5), group_count, int64_t{64}});
   if (c.collection.policy_workers > group_count)
     return Error{ErrorCode::kBadInput, fmt::format("policy_workers is {}; only {} groups of environments "
                                                    "(num_workers x worker_num_splits) could feed them",

@@ -45,9 +45,12 @@ UserSettings typed(std::vector<std::pair<std::string, std::string>> values) {
 }
 
 TEST(MergeNew, ALaterLayerWins) {
+  const auto published = merge_new(typed({{"preset", "paper"}}), fake_scenario, 2);
+  ASSERT_TRUE(published) << published.error().message;
+  EXPECT_EQ(published->config.network.rnn_type, RnnType::kLstm);  // algorithm over built-in
   const auto defaults = merge_new(typed({}), fake_scenario, 2);
   ASSERT_TRUE(defaults) << defaults.error().message;
-  EXPECT_EQ(defaults->config.network.rnn_size, 512);             // algorithm
+  EXPECT_EQ(defaults->config.network.rnn_size, 256);             // preset over the algorithm's 512
   EXPECT_EQ(defaults->config.network.rnn_type, RnnType::kGru);   // preset over the algorithm's lstm
   EXPECT_EQ(defaults->config.optimisation.learning_rate, 4e-4);  // preset over built-in
   EXPECT_EQ(defaults->config.optimisation.num_epochs, 2);        // scenario over the preset's 1
@@ -118,7 +121,8 @@ TEST(MergeNew, ReportsTheLayerThatEachValueCameFrom) {
   ASSERT_TRUE(merged) << merged.error().message;
   const auto& from = merged->from;
   EXPECT_EQ(from.at("gamma"), "built-in");
-  EXPECT_EQ(from.at("rnn_size"), "algorithm");
+  EXPECT_EQ(from.at("use_rnn"), "algorithm");
+  EXPECT_EQ(from.at("rnn_size"), "preset");
   EXPECT_EQ(from.at("ppo_clip_ratio"), "preset");
   EXPECT_EQ(from.at("num_epochs"), "scenario");
   EXPECT_EQ(from.at("shared_reward_alpha"), "scenario");
@@ -308,7 +312,7 @@ TEST(MergeOntoRun, RefusesToChangeWhatShapesTheNetwork) {
   const auto merged = merge_onto_run(made_run(), typed({{"rnn_size", "64"}}), fake_scenario, 2);
   ASSERT_FALSE(merged);
   EXPECT_EQ(merged.error().code, ErrorCode::kBadInput);
-  EXPECT_THAT(merged.error().message, HasSubstr("--rnn_size=64: the run was made with 512"));
+  EXPECT_THAT(merged.error().message, HasSubstr("--rnn_size=64: the run was made with 256"));
 }
 
 TEST(MergeOntoRun, AnEncodersFileIsTheRunsCopyWhereItsBytesAreEqual) {

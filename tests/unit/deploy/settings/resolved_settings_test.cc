@@ -169,7 +169,9 @@ constexpr Row kSmall[] = {
     {"batch_size", "1024"},
     {"num_epochs", "1"},
     {"num_batches_to_accumulate", "1"},
+    {"encoder", "impala impala impala simple simple simple simple simple"},
     {"rnn_type", "gru"},
+    {"rnn_size", "256 256 256 512 512 512 512 512"},
     {"learning_rate", "4e-4 4e-4 4e-4 2e-4 5e-4 2.5e-4 1e-4 1e-4"},
     {"max_grad_norm", "4 4 4 4 4 0.5 4 4"},
     {"ppo_clip_ratio", "0.2 0.2 0.2 0.1 0.1 0.1 0.1 0.1"},
@@ -209,8 +211,6 @@ constexpr ScenarioRow kSmallScenarios[] = {
     {"stag_hunt_arena",
      {"exploration_loss_coeff",
       "0.01@0..0.003@1e7 0.01@0..0.003@1e7 0.01@0..0.003@1e7 0.001 0.001 0.001 0.001 0.001"}},
-    {"stag_hunt_arena", {"encoder", "impala impala impala simple simple simple simple simple"}},
-    {"stag_hunt_arena", {"rnn_size", "256 256 256 512 512 512 512 512"}},
 };
 
 /// What changes neither what is learned from nor how: the run, its processes, memory, records, and which maps are drawn.

@@ -333,8 +333,9 @@ TEST(ResolveSettings, LearnerThreadsGrowWithTheHostAndStopAtSixteen) {
 
 TEST(ResolveSettings, OnePolicyWorkerServesFiveCoresOrAGpu) {
   const auto policy_workers = [](int cores, const std::string& device, const std::string& policy_device = "",
-                                 int64_t num_workers = 0) {
+                                 int64_t num_workers = 0, bool policy_processes = true) {
     RunConfig config = two_agents();
+    config.collection.policy_processes = policy_processes;
     config.collection.device = device;
     config.collection.policy_device = policy_device;
     config.collection.num_workers = num_workers;
@@ -350,6 +351,9 @@ TEST(ResolveSettings, OnePolicyWorkerServesFiveCoresOrAGpu) {
   EXPECT_EQ(policy_workers(16, "cpu", "gpu"), 1) << "Sample Factory's word for cuda";
   EXPECT_EQ(policy_workers(16, "cuda", "cuda:1,cuda:2,cuda:3"), 3) << "one on each";
   EXPECT_EQ(policy_workers(16, "cuda", "cpu"), 3);
+  EXPECT_EQ(policy_workers(16, "cuda", "", 0, /*policy_processes=*/false), 2)
+      << "threads, which do not take turns";
+  EXPECT_EQ(policy_workers(16, "cpu", "", 0, false), 3);
 }
 
 TEST(ResolveSettings, ResolvingTwiceChangesNothing) {
