@@ -17,24 +17,23 @@ void LocalWeights::publish(const std::vector<torch::Tensor>& tensors, PolicyVers
   const torch::NoGradGuard no_grad;
   const int older = 1 - current_;
   Buffer& buffer = buffers_[static_cast<std::size_t>(older)];
-  {
-    const std::lock_guard lock(buffer.mutex);
-    const auto bytes = torch::TensorOptions(torch::kUInt8).device(tensors.front().device());
-    if (!buffer.bytes.defined()) buffer.bytes = torch::empty({0}, bytes);
-    std::vector<torch::Tensor> parts;
-    for (const torch::Tensor& tensor : tensors) {
-      parts.push_back(tensor.contiguous().view({-1}).view(torch::kUInt8));
-      if (const int64_t rest = place_bytes(tensor) - parts.back().numel(); rest > 0)
-        parts.push_back(torch::empty({rest}, bytes));
-      count_copied(tensor.nbytes());
-    }
-    const device::Stream stream = device::Stream::current(tensors.front().device());
-    for (const device::Event& read : buffer.reads) stream.wait_for(read);
-    buffer.reads.clear();
-    at::cat_out(buffer.bytes, parts);
-    buffer.written.record(stream);
-    buffer.version = version;
+  const std::lock_guard lock(buffer.mutex);
+  const auto bytes = torch::TensorOptions(torch::kUInt8).device(tensors.front().device());
+  if (!buffer.bytes.defined()) buffer.bytes = torch::empty({0}, bytes);
+  std::vector<torch::Tensor> parts;
+  for (const torch::Tensor& tensor : tensors) {
+    parts.push_back(tensor.contiguous().view({-1}).view(torch::kUInt8));
+    if (const int64_t rest = place_bytes(tensor) - parts.back().numel(); rest > 0)
+      parts.push_back(torch::empty({rest}, bytes));
+    count_copied(tensor.nbytes());
   }
+  const device::Stream stream = device::Stream::current(tensors.front().device());
+  for (const device::Event& read : buffer.reads) stream.wait_for(read);
+  buffer.reads.clear();
+  at::cat_out(buffer.bytes, parts);
+  buffer.written.record(stream);
+  buffer.version = version;
+  // Still locked: no version is read before version() returns it.
   current_ = older;
   version_ = version;
 }

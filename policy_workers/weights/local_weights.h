@@ -38,7 +38,7 @@ class LocalWeights {
   };
   mutable std::array<Buffer, 2> buffers_;
   std::atomic<int> current_{0};       ///< buffer that was written last
-  std::atomic<int64_t> version_{-1};  ///< in it, or in its successor; -1: nothing was published
+  std::atomic<int64_t> version_{-1};  ///< in it; -1: nothing was published
 };
 
 }  // namespace comrad::policy
