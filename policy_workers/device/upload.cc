@@ -7,6 +7,15 @@
 
 namespace comrad::device {
 
+void copy_aligned(const Tensor& bytes, const std::vector<Tensor>& tensors) {
+  int64_t at = 0;
+  for (const Tensor& tensor : tensors) {
+    tensor.copy_(numbers_at(bytes, at, tensor.numel(), tensor.scalar_type()).view(tensor.sizes()));
+    at += aligned(static_cast<int64_t>(tensor.nbytes()));
+  }
+  COMRAD_CHECK(at == bytes.numel(), "there are as many bytes as the tensors have");
+}
+
 void Upload::put(std::span<const std::byte> bytes, const std::vector<Tensor>& tensors) {
   if (tensors.empty()) return;
   const torch::NoGradGuard no_grad;
@@ -31,11 +40,7 @@ void Upload::put(std::span<const std::byte> bytes, const std::vector<Tensor>& te
     there_.copy_(staging_, /*non_blocking=*/true);
     left_.record(Stream::current(device));
   }
-  int64_t at = 0;
-  for (const Tensor& tensor : tensors) {
-    tensor.copy_(numbers_at(there_, at, tensor.numel(), tensor.scalar_type()).view(tensor.sizes()));
-    at += aligned(static_cast<int64_t>(tensor.nbytes()));
-  }
+  copy_aligned(there_, tensors);
 }
 
 }  // namespace comrad::device

@@ -12,6 +12,9 @@
 
 namespace comrad::device {
 
+/// Copies `bytes`, u8 [B] on their device, into `tensors`, each from the next aligned place. As many as they have.
+void copy_aligned(const Tensor& bytes, const std::vector<Tensor>& tensors);
+
 /// Its memory is used again by the next put(). Threads: one.
 class Upload {
  public:

@@ -1,17 +1,11 @@
 #include "policy_workers/weights/local_weights.h"
 
 #include "policy_workers/device/torch_ops.h"
+#include "policy_workers/device/upload.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::policy {
-namespace {
-
-int64_t place_bytes(const torch::Tensor& tensor) {
-  return device::aligned(static_cast<int64_t>(tensor.nbytes()));
-}
-
-}  // namespace
 
 void LocalWeights::publish(const std::vector<torch::Tensor>& tensors, PolicyVersion version) {
   const torch::NoGradGuard no_grad;
@@ -23,7 +17,8 @@ void LocalWeights::publish(const std::vector<torch::Tensor>& tensors, PolicyVers
   std::vector<torch::Tensor> parts;
   for (const torch::Tensor& tensor : tensors) {
     parts.push_back(tensor.contiguous().view({-1}).view(torch::kUInt8));
-    if (const int64_t rest = place_bytes(tensor) - parts.back().numel(); rest > 0)
+    const int64_t count = parts.back().numel();
+    if (const int64_t rest = device::aligned(count) - count; rest > 0)
       parts.push_back(torch::empty({rest}, bytes));
     count_copied(tensor.nbytes());
   }
@@ -51,14 +46,8 @@ PolicyVersion LocalWeights::read(const std::vector<torch::Tensor>& tensors) cons
   const std::lock_guard lock(buffer.mutex);  // it may hold a newer version by now
   const device::Stream stream = device::Stream::current(tensors.front().device());
   stream.wait_for(buffer.written);
-  int64_t at = 0;
-  for (const torch::Tensor& tensor : tensors) {
-    tensor.copy_(
-        device::numbers_at(buffer.bytes, at, tensor.numel(), tensor.scalar_type()).view(tensor.sizes()));
-    at += place_bytes(tensor);
-    count_copied(tensor.nbytes());
-  }
-  COMRAD_CHECK(at == buffer.bytes.numel(), "both networks are alike");
+  device::copy_aligned(buffer.bytes, tensors);
+  for (const torch::Tensor& tensor : tensors) count_copied(tensor.nbytes());
   device::Event done;
   done.record(stream);
   buffer.reads.push_back(done);

@@ -142,7 +142,6 @@ Status PolicyWorker::refresh() {
           ? weights_.refresh([this](std::span<const std::byte> bytes) { return seats_->read_weights(bytes); })
           : weights_.refresh(policy_);
   if (refreshed) {
-    if (*refreshed && !is_thread()) count_copied(static_cast<uint64_t>(arena_->shape().weights_bytes));
     if (*refreshed && seats_) batcher_.seat(seats_->rules());
     if (*refreshed) spdlog::debug("weights of version {}", *weights_.version());
     return {};
