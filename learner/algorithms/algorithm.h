@@ -47,6 +47,9 @@ class Algorithm {
   /// algorithm. Errors: kUnsupported where the algorithm learns alone.
   virtual Status learn_with(RankGroup& ranks);
 
+  /// Waits until all that was launched is done, and takes back what was not taken: after it version() is that of the weights.
+  virtual void settle() {}
+
   /// Numbers that are too dear for every update, for a report that is written: gradient norm and Adam's step
   /// of every part of the networks (part_statistics.h), after the last update.
   virtual void append_diagnostics(NamedNumbers& values) const = 0;

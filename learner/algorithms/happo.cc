@@ -144,7 +144,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
   }
   TermValues critic;
   COMRAD_TRY_ASSIGN(const bool critic_done, train_critic(rows, context, stats, critic));
-  if (!critic_done || stats.optimizer_steps == 0) return cut_short();
+  if (!context.reports || !critic_done || stats.optimizer_steps == 0) return cut_short();
   all.add(critic, 1);
   const double critic_norm = last_grad_norm_;
   last_grad_norm_ = grad_norm;  // train/grad_norm is the mean over the actors

@@ -32,7 +32,7 @@ Expected<UpdateStats> Ippo::update(RolloutBatch& batch, const UpdateContext& con
   COMRAD_TRY_ASSIGN(const PhaseEnd end,
                     train_phase(to_device(batch, device_), phase(), context, stats, terms));
   stats.abandoned = end == PhaseEnd::kAbandoned;
-  if (stats.optimizer_steps > 0 && !stats.abandoned) report(batch, terms, stats);
+  if (context.reports && stats.optimizer_steps > 0 && !stats.abandoned) report(batch, terms, stats);
   return stats;
 }
 

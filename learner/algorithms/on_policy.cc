@@ -97,6 +97,7 @@ LossTerms OnPolicy::loss(const policy::SequenceOutput& output, const RolloutBatc
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   env_frames_ = context.env_frames;
+  stats.skipped_steps += std::exchange(late_skipped_, 0);
   schedule_.before_batch(env_frames_);
   stats.lag = lag_of_ranks(apply_lag_filter(batch, version(), config_.collection.max_policy_lag),
                            batch.valid.numel(), ranks());
@@ -114,22 +115,22 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
     Tensor measurement =
         batch.measurement.defined() ? ranks().gather(batch.measurement, 1).flatten(0, 1) : Tensor();
     if (stats.lag.valid_fraction < 1) {
-      frame = frame.index_select(0, positions_of(batch.valid).to(device_));
+      frame = frame.index_select(0, device::moved(positions_of(batch.valid), device_));
       if (measurement.defined())
         measurement = measurement.index_select(0, positions_of(ranks().gather(batch.valid, 1)));
     }
     net_.update_input_statistics(
-        frame, measurement.defined() ? measurement.to(device_) : measurement,
+        frame, device::moved(measurement, device_),
         ranks().adder());  // the frames of other ranks are not fetched: their sums are
   }
   if (net_.options().global_state_count > 0) {
     const int64_t agents = batch.shape.env.num_agents;
     const Tensor valid = batch.valid.view({batch.steps(), batch.slab_count, agents}).amax(2);
-    net_.update_state_statistics(ranks()
-                                     .gather(batch.global_state, 1)
-                                     .flatten(0, 1)
-                                     .index_select(0, positions_of(ranks().gather(valid, 1)))
-                                     .to(device_));
+    net_.update_state_statistics(device::moved(ranks()
+                                                   .gather(batch.global_state, 1)
+                                                   .flatten(0, 1)
+                                                   .index_select(0, positions_of(ranks().gather(valid, 1))),
+                                               device_));
   }
   return true;
 }
@@ -190,14 +191,14 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
   double actor_loss = 0, kl = 0;
   int64_t trained = 0;
   bool is_first = true, is_first_completed = false;
-  std::deque<Pending> launched;
+  ++phases_;
   const auto complete_steps = [&](bool waits) -> Status {
-    while (!launched.empty() && (waits || launched.front().step.read.is_ready())) {
-      Pending pending = std::move(launched.front());
-      launched.pop_front();
-      const StepOutcome outcome = runner_.complete(pending.step, stats);
-      last_grad_norm_ = runner_.grad_norm();
+    while (!launched_.empty() && (waits || launched_.front().step.read.is_ready())) {
+      const bool is_of_this_phase = launched_.front().phase == phases_,
+                 has_policy = launched_.front().has_policy;
+      const StepOutcome outcome = complete_oldest(stats);
       COMRAD_TRY(runner_.status());
+      if (!is_of_this_phase) continue;
       if (!outcome.was_taken) {
         is_first_completed = true;
         continue;
@@ -210,7 +211,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
       terms.set("fraction_clipped_first", clipped_first);
       actor_loss += terms.loss() - terms["value_loss"];
       kl += kl_of_step;
-      if (!pending.has_policy) continue;  // of dead agents alone: its KL is not informative
+      if (!has_policy) continue;  // of dead agents alone: its KL is not informative
       ++trained;
       if (phase.trains_policy) schedule_.after_minibatch(kl_of_step);
     }
@@ -233,7 +234,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
         return PhaseEnd::kStopped;
       }
       const PolicyVersion version_before = version();
-      const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, launched);
+      const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats);
       is_first = false;
       if (result == StepResult::kAbandoned || result == StepResult::kKlReached) {
         COMRAD_TRY(complete_steps(/*waits=*/true));
@@ -251,13 +252,34 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
     if (std::abs(previous_actor_loss - actor_loss) < kEarlyStopLossChange) break;
     previous_actor_loss = actor_loss;
   }
-  COMRAD_TRY(complete_steps(/*waits=*/true));
+  COMRAD_TRY(complete_steps(/*waits=*/context.reports));
   return PhaseEnd::kDone;
+}
+
+StepOutcome OnPolicy::complete_oldest(UpdateStats& stats) {
+  Pending pending = std::move(launched_.front());
+  launched_.pop_front();
+  if (pending.phase == phases_) {
+    StepOutcome outcome = runner_.complete(pending.step, stats);
+    last_grad_norm_ = runner_.grad_norm();
+    return outcome;
+  }
+  UpdateStats of_before;
+  StepOutcome outcome = runner_.complete(pending.step, of_before);
+  stats.skipped_steps += of_before.skipped_steps;
+  return outcome;
+}
+
+void OnPolicy::settle() {
+  UpdateStats stats;
+  ++phases_;
+  while (!launched_.empty()) (void)complete_oldest(stats);
+  late_skipped_ += stats.skipped_steps;
 }
 
 OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Phase& phase,
                                                const UpdateContext& context, bool is_first,
-                                               UpdateStats& stats, std::deque<Pending>& launched) {
+                                               UpdateStats& stats) {
   const SampleTotals totals = totals_of(minibatch);
   const bool has_policy = phase.trains_policy && totals.acting > 0;
   // Without anything to learn Adam's momentum would still move the weights.
@@ -276,7 +298,7 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
     is_wanted = [this](const TermValues& terms) {
       return terms["kl_divergence"] <= config_.on_policy.early_stop_kl;
     };
-  Pending pending{.step = {}, .has_policy = has_policy};
+  Pending pending{.step = {}, .phase = phases_, .has_policy = has_policy};
   const StepRunner::Result result =
       runner_.launch({.optimizer = phase.optimizer,
                       .input = input,
@@ -290,7 +312,7 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
   stats.rows_trained += minibatch.steps() * minibatch.rows();
   if (result == StepRunner::Result::kRefused) return StepResult::kKlReached;
   if (keeps_log_prob) *phase.first_log_prob = at::cat(pending.step.terms.kept, 1);
-  launched.push_back(std::move(pending));
+  launched_.push_back(std::move(pending));
   return StepResult::kLaunched;
 }
 
@@ -467,6 +489,7 @@ Status OnPolicy::load(const StateDict& state) {
   net_.state_changed();
   for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));
   COMRAD_TRY(schedule_.load(state));
+  launched_.clear();
   runner_.resume(progress.version);
   updates_ = progress.updates;
   returns_.restore(statistics);

@@ -32,6 +32,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
   Status learn_with(RankGroup& ranks) override;
+  void settle() override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -70,8 +71,9 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// kBadInput where that was so in too many batches in a row.
   Expected<bool> begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats);
   /// num_epochs x num_batches_per_epoch optimizer steps on a batch, moved to the device where to_device() did not; `terms` are those
-  /// of the last one taken. A step's loss terms are read once, when the phase is over, unless settings need them earlier: a rate or
-  /// an early stop that follows the KL needs it after every step, epochs need the loss of the one before. kStopped
+  /// of the last one taken. A step's loss terms are read once, when the phase is over, or, where no report is wanted, in a phase
+  /// after it. Settings may need them earlier: a rate or an early stop that follows the KL needs it after every step, epochs need the
+  /// loss of the one before. kStopped
   /// when begin_step, kAbandoned when keep_going returned false. Errors: kBadInput after too many steps in a row
   /// that were not finite.
   Expected<PhaseEnd> train_phase(const RolloutBatch& batch, const Phase& phase, const UpdateContext& context,
@@ -114,11 +116,14 @@ class OnPolicy : public OnPolicyAlgorithm {
  private:
   /// A minibatch, or a whole batch, and the phase that reads it.
   class Input;
-  /// A launched step, and whether it trains the policy.
+  /// A launched step whose outcome is not known yet.
   struct Pending {
     LaunchedStep step;
-    bool has_policy = false;
+    int64_t phase = 0;        ///< that launched it
+    bool has_policy = false;  ///< it trains the policy
   };
+  /// The oldest launched step's outcome; waits where it is not there yet.
+  StepOutcome complete_oldest(UpdateStats& stats);
   /// Samples of a minibatch of all ranks.
   struct SampleTotals {
     double valid = 0, acting = 0, places = 0;
@@ -131,7 +136,11 @@ class OnPolicy : public OnPolicyAlgorithm {
   std::vector<RolloutBatch> micro_batches(const RolloutBatch& batch) const;
   Evaluation evaluate_now(const RolloutBatch& batch, const Forward& forward) const;
   StepResult train_minibatch(RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
-                             bool is_first, UpdateStats& stats, std::deque<Pending>& launched);
+                             bool is_first, UpdateStats& stats);
+
+  std::deque<Pending> launched_;
+  int64_t phases_ = 0;        ///< so far
+  int64_t late_skipped_ = 0;  ///< steps that were found to be not taken after their update had ended
 };
 
 }  // namespace comrad::learn

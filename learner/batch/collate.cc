@@ -65,7 +65,13 @@ RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count
   return batch;
 }
 
+void hand_back(RolloutBatch& batch, torch::Device device) {
+  batch.was_read.record(device::Stream::current(device));
+}
+
 void clear(RolloutBatch& batch) {
+  batch.frame_arrived.wait();
+  batch.was_read.wait();
   batch.transitions = 0;
   batch.has_action_mask = batch.is_frame_there = false;
   batch.filled.zero_();
@@ -253,7 +259,11 @@ RolloutBatch to_device(const RolloutBatch& batch, torch::Device device) {
   there.host_acting = batch.acting();
   there.frame = frames_on(batch, device);
   there.is_frame_there = false;  // views and selections are of `frame`
-  visit_device_fields(there, [&](Tensor& field) { field = field.to(device, /*non_blocking=*/true); });
+  std::vector<Tensor*> fields;
+  visit_device_fields(there, [&](Tensor& field) {
+    if (&field != &there.frame) fields.push_back(&field);
+  });
+  device::move_together(fields, device);
   return there;
 }
 
@@ -289,19 +299,16 @@ RolloutBatch select_slabs(const RolloutBatch& batch, const std::vector<int64_t>&
   for (int64_t slab : slab_index)
     for (int64_t agent = 0; agent < agents; ++agent) row_index.push_back(slab * agents + agent);
   const Tensor index = torch::tensor(row_index, torch::kInt64);
-  Tensor there = index;
-  if (const torch::Device device = batch.recurrent_state.device(); !device.is_cpu()) {
-    const Tensor pinned = device::host_memory(index.sizes(), torch::kInt64, device).copy_(index);
-    there = pinned.to(device, /*non_blocking=*/true);
-  }
+  const torch::Device device = batch.recurrent_state.device();
+  const Tensor there = device::moved(index, device);
   RolloutBatch part = batch;
   part.is_frame_there = false;
   visit_time_major(part,
                    [&](Tensor& field) { field = field.index_select(1, field.is_cpu() ? index : there); });
   part.recurrent_state = part.recurrent_state.index_select(0, there);
   if (part.global_state.defined()) {
-    const Tensor worlds = torch::tensor(slab_index, torch::kInt64);
-    part.global_state = part.global_state.index_select(1, worlds.to(part.global_state.device()));
+    const Tensor worlds = device::moved(torch::tensor(slab_index, torch::kInt64), device);
+    part.global_state = part.global_state.index_select(1, worlds);
   }
   part.slab_count = static_cast<int64_t>(slab_index.size());
   return part;

@@ -50,6 +50,7 @@ struct RolloutBatch {
   Tensor frame_there;  ///< `frame` on the learner's device, where send_ahead() put it
   device::Event frame_arrived;
   bool is_frame_there = false;
+  device::Event was_read;  ///< made by hand_back()
 
   Tensor advantage;      ///< f32 [T, R]  made by the algorithm, which may standardise and weigh it
   Tensor raw_advantage;  ///< f32 [T, R]  in units of the rewards; made by the algorithm, then left alone
@@ -77,8 +78,10 @@ void send_ahead(RolloutBatch& batch, torch::Device device);
 /// u8 [T, R, C, H, W]: the batch's frames on `device`, sent ahead or now.
 Tensor frames_on(const RolloutBatch& batch, torch::Device device);
 
-/// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of
-/// a batch.
+/// What `device` was given so far may read the batch later than its learner returns from the update. Threads: the learner's.
+void hand_back(RolloutBatch& batch, torch::Device device);
+/// Forgets the slabs collated so far, once the device has read them; the tensors stay allocated. Call before the first collate_slab
+/// of a batch.
 void clear(RolloutBatch& batch);
 
 /// Copies one sealed slab into place `position`. `length` rows are filled (more than T counts as T).

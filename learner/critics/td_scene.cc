@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "policy_workers/device/queue.h"
 #include "policy_workers/device/torch_ops.h"
 
 namespace comrad::learn {
@@ -135,7 +136,9 @@ std::vector<ReplayPart> replay_parts(const ReplayBatch& batch, int64_t worlds, i
     if (rounds_cuts) round_up_cuts(part.batch);
     part.final_row = torch::tensor(part.batch.final_row, torch::kInt64);
     part.final_step = torch::tensor(part.batch.final_step, torch::kInt64);
-    part.visit([device](Tensor& field) { field = field.to(device, /*non_blocking=*/true); });
+    std::vector<Tensor*> fields;
+    part.visit([&](Tensor& field) { fields.push_back(&field); });
+    device::move_together(fields, device);
   }
   return parts;
 }

@@ -38,8 +38,13 @@ Status Reporter::open(const std::string& run_dir, const Algorithm& algorithm, co
   return {};
 }
 
+bool Reporter::wants_values() const { return monotonic_s() - last_values_s_ >= kStatsIntervalS; }
+
 void Reporter::updated(const UpdateStats& stats) {
-  update_ = stats;
+  if (!stats.values.empty()) {
+    update_values_ = stats.values;
+    last_values_s_ = monotonic_s();
+  }
   skipped_steps_ += static_cast<uint64_t>(stats.skipped_steps);
 }
 
@@ -142,7 +147,7 @@ void Reporter::append_inference(MetricValues& values) {
 void Reporter::write_metrics() {
   if (!metrics_) return;
   const double now_s = monotonic_s();
-  MetricValues values = update_.values;
+  MetricValues values = update_values_;
   values.emplace_back("train/env_steps", static_cast<double>(totals_.env_frames));
   values.emplace_back("train/skipped_sgd_steps", static_cast<double>(skipped_steps_));
   algorithm_->append_diagnostics(values);

@@ -38,6 +38,8 @@ class Reporter {
   /// The totals have grown.
   void counted() { rates_.add(monotonic_s(), totals_.env_frames, totals_.decisions); }
   void heard_lag(const LagStats& lag) { lag_ = lag; }
+  /// Whether the next update should say what it did: once a second is enough.
+  bool wants_values() const;
   void updated(const UpdateStats& stats);
   void saved(const std::string& checkpoint) { last_checkpoint_ = checkpoint; }
 
@@ -70,11 +72,11 @@ class Reporter {
   RateWindow rates_;
   EpisodeWindow episodes_;
   LearningCheck check_;
-  UpdateStats update_;
-  LagStats lag_;  // of the newest data
+  NamedNumbers update_values_;  ///< of the last update that said them
+  LagStats lag_;                // of the newest data
   uint64_t skipped_steps_ = 0;
   std::string last_checkpoint_;
-  double last_stats_s_ = 0, last_metrics_s_ = 0;
+  double last_values_s_ = 0, last_stats_s_ = 0, last_metrics_s_ = 0;
   double last_played_s_ = 0;
   uint64_t last_played_decisions_ = 0;
   /// Of all policy workers together, since they began.

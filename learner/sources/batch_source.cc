@@ -64,7 +64,10 @@ class QueueSource final : public BatchSource {
     if (next_ == nullptr) return std::nullopt;
     return Sample{.inserted = {}, .rollout_batch = std::move(next_), .replay_batch = nullptr};
   }
-  void finish(Sample sample) override { queue_->recycle(std::move(sample.rollout_batch)); }
+  void finish(Sample sample) override {
+    hand_back(*sample.rollout_batch, options_.device);
+    queue_->recycle(std::move(sample.rollout_batch));
+  }
   void stop() override {
     broken_decisions_ = broken_decisions();
     queue_.reset();
@@ -296,7 +299,9 @@ std::unique_ptr<RolloutBatch> LockStepSource::collate_next() {
 
 void LockStepSource::finish(Sample sample) {
   if (sample.replay_batch) feed_->finish(std::move(sample.replay_batch));
-  if (sample.rollout_batch) free_.push_back(std::move(sample.rollout_batch));
+  if (!sample.rollout_batch) return;
+  hand_back(*sample.rollout_batch, options_.device);
+  free_.push_back(std::move(sample.rollout_batch));
 }
 
 void LockStepSource::close_rollout() {

@@ -10,6 +10,7 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
+#include "learner/sources/batch_source.h"
 #include "learner/sources/replay_feed.h"
 #include "learner/worker/learner.h"
 #include "learner/worker/weights_publisher.h"
@@ -81,6 +82,8 @@ class SyntheticTraining {
   Status round() {
     const int agents = batch_.shape.env.num_agents, steps = batch_.shape.rollout_steps;
     context_.env_frames = static_cast<double>(totals_.decisions * config_.environment.env_frameskip);
+    // As in a run, a batch is filled while the device may still read the one before.
+    std::swap(batch_, other_batch_);
     if (on_policy_ != nullptr) clear(batch_);
     for (int64_t i = 0; i < batch_.slab_count; ++i) {
       for (int t = 0; t < steps; ++t)
@@ -94,7 +97,10 @@ class SyntheticTraining {
     totals_.decisions += batch_.slab_count * steps * agents;
     if (on_policy_ != nullptr) {
       send_ahead(batch_, device_);
+      context_.reports = monotonic_s() - reported_s_ >= 1;
+      if (context_.reports) reported_s_ = monotonic_s();
       COMRAD_TRY_ASSIGN(const UpdateStats stats, on_policy_->update(batch_, context_));
+      hand_back(batch_, device_);
       count(stats);
       return {};
     }
@@ -115,11 +121,8 @@ class SyntheticTraining {
       : config_(config),
         device_(device),
         offsets_(shape),
-        batch_(make_rollout_batch(
-            shape,
-            std::max<int64_t>(1, config.optimisation.batch_size * config.optimisation.num_batches_per_epoch /
-                                     (config.collection.rollout * shape.env.num_agents)),
-            device)),
+        batch_(make_rollout_batch(shape, slabs_per_batch(config, shape.env), device)),
+        other_batch_(make_rollout_batch(shape, batch_.slab_count, device)),
         bytes_(static_cast<std::size_t>(offsets_.slab_bytes * batch_.slab_count)) {
     for (int64_t i = 0; i < batch_.slab_count; ++i) fill_slab(slab(i), static_cast<uint64_t>(i));
   }
@@ -132,7 +135,8 @@ class SyntheticTraining {
   const RunConfig config_;
   const torch::Device device_;
   const SlabOffsets offsets_;
-  RolloutBatch batch_;
+  RolloutBatch batch_, other_batch_;
+  double reported_s_ = 0;
   std::vector<std::byte> bytes_;  // the slabs
   std::unique_ptr<Algorithm> algorithm_;
   OnPolicyAlgorithm* on_policy_ = nullptr;  // the algorithm, one of the two

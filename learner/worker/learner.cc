@@ -319,6 +319,7 @@ Status Learner::check_others() {
 
 UpdateContext Learner::update_context() {
   UpdateContext context;
+  context.reports = !ranks_.is_alone() || reporter_.wants_values();  // a report is made by all
   context.env_frames = static_cast<double>(totals_.env_frames);
   // Fresh weights after every optimizer step keep the lag low; lock step publishes at the boundary only.
   if (!lock_step_) context.after_step = [this] { offer_weights(); };
@@ -423,6 +424,7 @@ void Learner::poll() {
 StateDict Learner::state() const {
   if (gave_up_) return boundary_->state;
   StateDict state;
+  algorithm_->settle();
   algorithm_->save(state);
   state.put("counters/env_frames", static_cast<int64_t>(totals_.env_frames));
   state.put("counters/decisions", static_cast<int64_t>(totals_.decisions));

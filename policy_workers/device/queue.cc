@@ -1,8 +1,11 @@
 #include "policy_workers/device/queue.h"
 
+#include <array>
 #include <atomic>
 #include <utility>
+#include <vector>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 
@@ -219,6 +222,36 @@ Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device 
 int64_t aligned(int64_t bytes) {
   constexpr int64_t kAlignmentBytes = 64;
   return (bytes + kAlignmentBytes - 1) / kAlignmentBytes * kAlignmentBytes;
+}
+
+void move_together(std::span<Tensor* const> tensors, torch::Device device) {
+  if (has_own_kernels(device)) return;
+  std::vector<Tensor*> moving;
+  std::vector<int64_t> places = {0};
+  for (Tensor* tensor : tensors) {
+    if (!tensor->defined() || (!device.is_cpu() && !tensor->is_cpu())) continue;
+    if (!device.is_cpu() && tensor->is_pinned()) {
+      *tensor = tensor->to(device, /*non_blocking=*/true);
+      continue;
+    }
+    moving.push_back(tensor);
+    places.push_back(aligned(places.back() + static_cast<int64_t>(tensor->nbytes())));
+  }
+  if (moving.empty()) return;
+  const torch::NoGradGuard no_grad;
+  const auto at = [&](const Tensor& bytes, std::size_t i) {
+    return numbers_at(bytes, places[i], moving[i]->numel(), moving[i]->scalar_type())
+        .view(moving[i]->sizes());
+  };
+  const Tensor here = host_memory({places.back()}, torch::kUInt8, device);
+  for (std::size_t i = 0; i < moving.size(); ++i) at(here, i).copy_(*moving[i]);
+  const Tensor there = here.to(device, /*non_blocking=*/true);
+  for (std::size_t i = 0; i < moving.size(); ++i) *moving[i] = at(there, i);
+}
+
+Tensor moved(Tensor tensor, torch::Device device) {
+  move_together(std::array{&tensor}, device);
+  return tensor;
 }
 
 Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type) {

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
@@ -74,6 +75,12 @@ Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device 
 int64_t aligned(int64_t bytes);
 /// `count` numbers of `type` at an aligned `offset` of u8 [B].
 Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type);
+
+/// Moves tensors of the host to `device`, all in one copy out of pinned memory: a copy out of other memory waits until the device has
+/// done what is in its queue. What is undefined, or lies there already, stays as it is, as does everything on a CPU.
+void move_together(std::span<Tensor* const> tensors, torch::Device device);
+/// One alone.
+Tensor moved(Tensor tensor, torch::Device device);
 
 /// Work of fixed shapes and addresses that is recorded once, with the priority of the calling thread's queue, and then launched
 /// as one piece. What it reads and writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it

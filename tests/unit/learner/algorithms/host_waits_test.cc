@@ -50,15 +50,17 @@ ReplayBatch sequences(const TrajectoryShape& shape, uint64_t seed) {
 }
 
 /// An update, with "cpu:0" for a device: see HostWaitCounter.
-UpdateStats update(Algorithm& algorithm, const TrajectoryShape& shape, uint64_t seed) {
+UpdateStats update(Algorithm& algorithm, const TrajectoryShape& shape, uint64_t seed, bool reports = true) {
+  UpdateContext context;
+  context.reports = reports;
   if (auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(&algorithm)) {
     RolloutBatch batch = test::noise_batch(shape, kWorlds, seed);
     batch.valid[1][2] = 0;
     batch.agent_active[2][1] = 0;
-    return *on_policy->update(batch, {});
+    return *on_policy->update(batch, context);
   }
   ReplayBatch batch = sequences(shape, seed);
-  return *dynamic_cast<OffPolicyAlgorithm&>(algorithm).update(batch, {});
+  return *dynamic_cast<OffPolicyAlgorithm&>(algorithm).update(batch, context);
 }
 
 class HostWaits : public ::testing::TestWithParam<std::string> {};
@@ -100,6 +102,34 @@ TEST_P(HostWaits, StepsThatAreReadLateGiveTheSameWeights) {
   EXPECT_EQ(weights_after(true), weights_after(false));
 }
 
+class OnPolicyHostWaits : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(OnPolicyHostWaits, AnUpdateThatReportsNothingWaitsForNothing) {
+  RunConfig config = config_of(GetParam());
+  config.optimisation.num_batches_per_epoch = 2;
+  const TrajectoryShape shape = test::small_shape(config, kAgents);
+  const auto weights_after = [&](bool reports) {
+    const auto algorithm = *make_algorithm(config, shape.env, torch::Device(torch::kCPU, 0));
+    (void)update(*algorithm, shape, 1);
+    const device::SlowReadbacks slow;
+    {
+      const device::HostWaitCounter counter;
+      for (uint64_t seed = 2; seed <= 4; ++seed) {
+        const UpdateStats stats = update(*algorithm, shape, seed, reports);
+        EXPECT_EQ(stats.values.empty(), !reports);
+      }
+      const int64_t waits = counter.in_steps().all() + counter.between_steps().all();
+      EXPECT_TRUE(reports ? waits > 0 : waits == 0) << waits;
+    }
+    const NamedNumbers said = update(*algorithm, shape, 5).values;
+    return std::tuple(algorithm->weights(), algorithm->version(), said);
+  };
+  EXPECT_EQ(weights_after(false), weights_after(true));
+}
+
+INSTANTIATE_TEST_SUITE_P(AllAlgorithms, OnPolicyHostWaits, ::testing::Values("ippo", "mappo", "happo"),
+                         [](const auto& of) { return of.param; });
+
 INSTANTIATE_TEST_SUITE_P(AllAlgorithms, HostWaits,
                          ::testing::Values("ippo", "mappo", "happo", "idqn", "vdn", "qmix", "qplex_d",
                                            "qplex_q"),
@@ -119,6 +149,31 @@ TEST(StepGuard, AStepThatIsReadLateAndWasNotTakenIsTakenBack) {
   EXPECT_EQ(stats->skipped_steps, 1);
   EXPECT_EQ(ippo.version(), 0u);
   EXPECT_TRUE(test::all_equal(before, ippo.net().parameters()));
+}
+
+TEST(StepGuard, AStepThatIsReadInALaterUpdateAndWasNotTakenIsTakenBackThere) {
+  const RunConfig config = config_of("ippo");
+  const TrajectoryShape shape = test::small_shape(config, kAgents);
+  for (const bool settles : {false, true}) {
+    Ippo ippo(config, shape.env, torch::kCPU);
+    const device::SlowReadbacks late;
+    RolloutBatch bad = test::noise_batch(shape, kWorlds, 3), good = test::noise_batch(shape, kWorlds, 4);
+    bad.recurrent_state.fill_(std::numeric_limits<float>::quiet_NaN());
+    UpdateContext context;
+    context.reports = false;
+    EXPECT_EQ(ippo.update(bad, context)->skipped_steps, 0);
+    EXPECT_EQ(ippo.version(), 1u) << "nothing is known yet";
+    if (settles) {
+      ippo.settle();
+      EXPECT_EQ(ippo.version(), 0u);
+    }
+    context.reports = true;
+    const auto stats = ippo.update(good, context);
+    ASSERT_TRUE(stats);
+    EXPECT_EQ(stats->optimizer_steps, 1);
+    EXPECT_EQ(stats->skipped_steps, 1);
+    EXPECT_EQ(ippo.version(), 1u);
+  }
 }
 
 TEST(HostWaitCounter, SeesEachKindInsideAndOutsideOfSteps) {

@@ -256,6 +256,16 @@ TEST(SendAhead, ThatBatchesFramesAreThereUntilItIsFilledAnew) {
     const RolloutBatch part = to_device(narrow_rows(batch, 2, 2), device);
     EXPECT_TRUE(torch::equal(part.frame.cpu(), batch.frame.narrow(1, 2, 2))) << "a part has its own frames";
     EXPECT_TRUE(torch::equal(narrow_rows(moved, 2, 2).frame.cpu(), part.frame.cpu()));
+    const auto fields_of = [](RolloutBatch fields) {
+      std::vector<Tensor> all;
+      visit_device_fields(fields, [&](Tensor& field) { all.push_back(field.cpu()); });
+      return all;
+    };
+    const std::vector<Tensor> here = fields_of(batch), sent = fields_of(moved);
+    ASSERT_EQ(here.size(), sent.size());
+    for (std::size_t i = 0; i < here.size(); ++i)
+      EXPECT_TRUE(here[i].dtype() == sent[i].dtype() && torch::equal(here[i], sent[i])) << "field " << i;
+    hand_back(batch, device);
   }
   clear(batch);
   batch.frame.fill_(9);
