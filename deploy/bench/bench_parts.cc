@@ -116,6 +116,11 @@ void append_usage(const RunConfig& config, const MeasuredWindow& measured, int c
   cost["policy_workers"] = usage.policy_workers.cpu_s / thousands;
   cost["learner"] = usage.learner.cpu_s / thousands;
   cost["all"] = usage.cpu_s() / thousands;
+  ordered_json& clocks = summary["policy_thread_us_per_decision"];
+  for (const Stage stage : {Stage::kGather, Stage::kWeights, Stage::kPack, Stage::kForward, Stage::kScatter})
+    clocks[name_of(stage)] =
+        1e6 * usage.stage_wall_s[static_cast<std::size_t>(stage)] / static_cast<double>(measured.decisions);
+  if (measured.gpu_busy) summary["gpu_busy"] = *measured.gpu_busy;
   summary["bytes_copied_per_decision"] = usage.copied_bytes / static_cast<double>(measured.decisions);
   ordered_json cores = ordered_json::array();
   double busy_s = 0;

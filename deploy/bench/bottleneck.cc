@@ -25,6 +25,10 @@ std::string words_of(Stage stage) {
       return "the simulators' hand-overs";
     case Stage::kGather:
       return "gathering batches";
+    case Stage::kWeights:
+      return "taking in weights";
+    case Stage::kPack:
+      return "packing frames for the GPU";
     case Stage::kForward:
       return "the policy workers' forward pass";
     case Stage::kScatter:
@@ -51,9 +55,11 @@ std::string cheaper(Stage stage, const PipelineNumbers& numbers) {
                                                    : more_cores;
     case Stage::kHandOver:
     case Stage::kGather:
+    case Stage::kPack:
     case Stage::kScatter:
       return fmt::format("--num_envs_per_worker {} hands over more at a time",
                          2 * numbers.num_envs_per_worker);
+    case Stage::kWeights:
     case Stage::kOptimizer:
     case Stage::kPublish:
       return "a larger --batch_size takes fewer steps";

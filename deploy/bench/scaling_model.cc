@@ -39,9 +39,9 @@ ModelRow model_row(const DecisionCosts& costs, const RunConfig& config, int64_t 
                .learner_threads = settings.learner_threads,
                .saturates = {}};
   row.simulators = at_most_cores(settings.num_workers) * rate(costs.simulators_s());
-  row.policy_workers_rate = at_most_cores(settings.policy_workers) *
-                            rate(costs.of(Stage::kGather) + costs.of(Stage::kScatter) +
-                                 costs.of(Stage::kForward) / at_most_cores(settings.policy_threads));
+  row.policy_workers_rate =
+      at_most_cores(settings.policy_workers) *
+      rate(costs.policy_thread_s() + costs.of(Stage::kForward) / at_most_cores(settings.policy_threads));
   row.learner = std::min(rate(costs.of(Stage::kForwardBackward) / at_most_cores(settings.learner_threads) +
                               costs.of(Stage::kOptimizer) + costs.of(Stage::kPublish)),
                          rate(costs.of(Stage::kCollate)));

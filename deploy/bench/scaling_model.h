@@ -21,7 +21,11 @@ struct DecisionCosts {
 
   double of(Stage stage) const { return stage_s[static_cast<std::size_t>(stage)]; }
   double simulators_s() const { return of(Stage::kTic) + of(Stage::kRender) + of(Stage::kHandOver); }
-  double policy_workers_s() const { return of(Stage::kGather) + of(Stage::kForward) + of(Stage::kScatter); }
+  double policy_workers_s() const { return policy_thread_s() + of(Stage::kForward); }
+  /// What one thread of a policy worker does alone.
+  double policy_thread_s() const {
+    return of(Stage::kGather) + of(Stage::kWeights) + of(Stage::kPack) + of(Stage::kScatter);
+  }
   double all_s() const;
   /// Errors: kBadFormat where a number is missing or below 0, or all are 0.
   static Expected<DecisionCosts> from(const nlohmann::ordered_json& bench_train);

@@ -136,7 +136,8 @@ if ((quick)); then
     rate "${count}_policy_threads" train "${game[@]}" --preset small --device "${device}" "${threads[@]}" "${count}"
   done
   rate policy_processes train "${game[@]}" --preset small --device "${device}"
-  rate large_batches train "${game[@]}" --preset small --device "${device}" "${threads[@]}" 2 --num_envs_per_worker 32 --batch_size 4096
+  rate preset_gpu train "${game[@]}" --preset gpu --device "${device}"
+  rate large_batches train "${game[@]}" --preset gpu --device "${device}" --num_envs_per_worker 32
   for name in small paper; do rate "learner_${name}" learner "${game[@]}" --preset "${name}" --device "${device}"; done
   for count in 4 6 16; do rate "cpu_${count}_simulators" train "${game[@]}" --preset small --device cpu --num_workers "${count}"; done
   write_report

@@ -85,7 +85,10 @@ def main() -> int:
         measured = object_in(parts / (part["name"] + ".out"))
         row = {key: measured.get(key) for key in ("scenario", "algo", "num_agents", "decisions_per_s", "env_frames_per_s", "spread")}
         row["bottleneck"] = measured.get("bottleneck")
+        row["policy_thread_us_per_decision"] = measured.get("policy_thread_us_per_decision") or {}
         row.update(gpu_load(parts / (part["name"] + ".gpu")))
+        if "gpu_busy" in measured:  # of its window alone
+            row["gpu_busy_percent"] = 100 * measured["gpu_busy"]
         row["part"], row["ok"] = part["name"], part["ok"]
         report["bench"].append(row)
     status = object_in(out / "runs/mappo/status.json")
@@ -117,12 +120,12 @@ def main() -> int:
     for algo, found in report["parity"].items():
         shown = " | ".join(f"{found[kind + '_largest_difference']:.1e}" if kind + "_largest_difference" in found else "-" for kind in kinds)
         text.append(f"| {algo} | {shown} | {'yes' if found['agrees'] else '**no**'} |")
-    text += ["", "| part | scenario | N | algorithm | decisions/s | env frames/s | GPU busy, % | GPU memory, MB | limit |", "|---|---|---|---|---|---|---|---|---|"]
+    text += ["", "| part | scenario | N | algorithm | decisions/s | env frames/s | GPU busy, % | GPU memory, MB | gather, weights, pack, forward, scatter, us | limit |", "|---" * 10 + "|"]
     for row in report["bench"]:
         text.append(
             f"| {row['part'].removeprefix('bench_')} | {row['scenario'] or '-'} | {row['num_agents'] or '-'} | {row['algo'] or '-'} | {number(row['decisions_per_s'])} "
             f"| {number(row['env_frames_per_s'])} | {number(row.get('gpu_busy_percent'))} | {number(row.get('gpu_memory_mb'))} "
-            f"| {row['bottleneck'] or '-'} |"
+            f"| {', '.join(number(us, 1) for us in row['policy_thread_us_per_decision'].values()) or '-'} | {row['bottleneck'] or '-'} |"
         )
     done = report["training"]
     if wall:

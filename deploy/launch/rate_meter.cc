@@ -97,6 +97,7 @@ bool RateMeter::measure(double now_s) {
     updates_before_window_ = trained_updates_.total();
     parts_ = BenchWindows(plan_.seconds);
     usage_before_window_ = read_usage(plan_.run_dir, *arena_);
+    gpu_load_.emplace();
     return false;
   }
   const auto done = static_cast<double>(decisions() - decisions_before_window_);
@@ -106,7 +107,9 @@ bool RateMeter::measure(double now_s) {
              .decisions = decisions() - decisions_before_window_,
              .updates = trained_updates_.total() - updates_before_window_,
              .windows = parts_.rates(),
-             .usage = usage_between(usage_before_window_, read_usage(plan_.run_dir, *arena_))};
+             .usage = usage_between(usage_before_window_, read_usage(plan_.run_dir, *arena_)),
+             .gpu_busy = gpu_load_ ? gpu_load_->busy() : std::nullopt};
+  gpu_load_.reset();
   if (window_.windows.empty()) window_.windows = {done / window_.seconds};
   return true;
 }

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "deploy/launch/gpu_load.h"
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/run_accounts.h"
 #include "deploy/launch/run_usage.h"
@@ -46,8 +47,9 @@ struct MeasuredWindow {
   double seconds = 0;
   uint64_t decisions = 0;  ///< agent decisions that the learner trained on (or simulators took) in it
   uint64_t updates = 0;    ///< optimizer steps in it
-  std::vector<double> windows = {};  ///< decisions a second of its parts, each from update to update
-  RunUsage usage = {};               ///< in it
+  std::vector<double> windows = {};     ///< decisions a second of its parts, each from update to update
+  RunUsage usage = {};                  ///< in it
+  std::optional<double> gpu_busy = {};  ///< share of it; none without a GPU
 };
 
 /// Reads the arena, and writes one word into it: the env frames that a learner forgot. Threads: the supervisor's.
@@ -129,6 +131,7 @@ class RateMeter {
   uint64_t decisions_before_window_ = 0, updates_before_window_ = 0;
   BenchWindows parts_{1};  // of the window
   RunUsage usage_before_window_;
+  std::optional<GpuLoad> gpu_load_;  // of the window
   MeasuredWindow window_;
   double lag_sum_ = 0;
   int lag_count_ = 0;

@@ -33,7 +33,7 @@ RoleUsage since(const RoleUsage& before, const RoleUsage& after) {
 /// Of policy workers, which may be threads of a learner.
 double policy_cpu_s(const StageTotals& totals) {
   double cpu_s = 0;
-  for (const Stage stage : {Stage::kGather, Stage::kForward, Stage::kScatter})
+  for (const Stage stage : {Stage::kGather, Stage::kWeights, Stage::kPack, Stage::kForward, Stage::kScatter})
     cpu_s += 1e-9 * static_cast<double>(totals.cpu_ns[static_cast<std::size_t>(stage)]);
   return cpu_s;
 }
@@ -69,8 +69,10 @@ RunUsage read_usage(const std::string& run_dir, const shm::Arena& arena) {
     add_waits(usage.policy_workers, arena.policy_counters(worker));
   add_waits(usage.learner, arena.learner_counters());
   for (const StageTotals& totals : read_stages(run_dir + "/" + kStagesFolder)) {
-    for (std::size_t i = 0; i < kStageCount; ++i)
+    for (std::size_t i = 0; i < kStageCount; ++i) {
       usage.stage_cpu_s[i] += 1e-9 * static_cast<double>(totals.cpu_ns[i]);
+      usage.stage_wall_s[i] += 1e-9 * static_cast<double>(totals.wall_ns[i]);
+    }
     usage.copied_bytes += static_cast<double>(totals.copied_bytes);
     RoleUsage& role = totals.name.starts_with("sim-")      ? usage.sims
                       : totals.name.starts_with("policy-") ? usage.policy_workers
@@ -85,8 +87,10 @@ RunUsage read_usage(const std::string& run_dir, const shm::Arena& arena) {
 
 RunUsage usage_between(const RunUsage& before, const RunUsage& after) {
   RunUsage usage;
-  for (std::size_t i = 0; i < kStageCount; ++i)
+  for (std::size_t i = 0; i < kStageCount; ++i) {
     usage.stage_cpu_s[i] = since(before.stage_cpu_s[i], after.stage_cpu_s[i]);
+    usage.stage_wall_s[i] = since(before.stage_wall_s[i], after.stage_wall_s[i]);
+  }
   usage.copied_bytes = since(before.copied_bytes, after.copied_bytes);
   usage.sims = since(before.sims, after.sims);
   usage.policy_workers = since(before.policy_workers, after.policy_workers);

@@ -22,6 +22,8 @@ struct RoleUsage {
 
 struct RunUsage {
   std::array<double, kStageCount> stage_cpu_s{};  ///< by Stage
+  std::array<double, kStageCount>
+      stage_wall_s{};  ///< of threads that only do such stages: simulators, policy workers
   double copied_bytes = 0;
   RoleUsage sims, policy_workers, learner;
   std::vector<double> core_busy_s;  ///< of the CPUs that this process may use, by any process

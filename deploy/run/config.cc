@@ -74,7 +74,7 @@ void print_tables(const MergedSettings& merged, const std::optional<replay::Repl
 
 int config_command(Arguments arguments) {
   bool json = false;
-  CommandLine line("config --scenario NAME --algo NAME [--preset paper|small] [--json] [settings]",
+  CommandLine line("config --scenario NAME --algo NAME [--preset paper|small|gpu] [--json] [settings]",
                    "Prints the settings that `comrad train` would use with the same flags on this machine, "
                    "and the layer that\n"
                    "each value came from: built-in, algorithm, preset, scenario (its rows of the preset), "

@@ -4,7 +4,6 @@
 #include <cstring>
 
 #include "policy_workers/device/torch_ops.h"
-#include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::policy {
 namespace {
@@ -87,12 +86,13 @@ void StagedForward::forward(Bucket& bucket) {
   states_.index_copy_(0, bucket.write, output.recurrent_state);
 }
 
-PolicyOutput StagedForward::step(const Batch& batch) {
+PolicyOutput StagedForward::step(const Batch& batch, StageClock* clock) {
   torch::NoGradGuard no_grad;
   const torch::Device device = policy_.device();
   Bucket& bucket = bucket_for(static_cast<int64_t>(batch.requests.size()));
   bring_up(batch);
   pack(batch, bucket);
+  if (clock != nullptr) clock->end(Stage::kPack);
   if (!device.is_cpu()) bucket.there.copy_(bucket.staging, /*non_blocking=*/true);
   bucket.graph.replay();
   if (!device.is_cpu()) {

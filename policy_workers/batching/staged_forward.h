@@ -13,6 +13,7 @@
 #include "policy_workers/device/part_pool.h"
 #include "policy_workers/device/queue.h"
 #include "policy_workers/network/actor_critic.h"
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::policy {
@@ -32,8 +33,8 @@ class StagedForward {
   /// `packing_threads` copy frames into pinned memory, the caller's among them.
   StagedForward(const ActorCritic& policy, const shm::ArenaShape& shape, int packing_threads = 1);
 
-  /// What policy.step_rows() returns for the batch, to rounding. The output is valid until the next call.
-  PolicyOutput step(const Batch& batch);
+  /// What policy.step_rows() returns for the batch, to rounding. The output is valid until the next call. `clock` counts the packing.
+  PolicyOutput step(const Batch& batch, StageClock* clock = nullptr);
 
   int64_t states_brought_up() const {
     return states_brought_up_;

@@ -10,7 +10,6 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/shm/is_stopping.h"
 #include "rollout_buffer/shm/step_slots.h"
@@ -95,8 +94,7 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
     spdlog::warn("{} requests of this worker's predecessor are answered again", orphans);
 
   COMRAD_TRY(refresh());
-  StageClock stage;
-  stage.begin();
+  stage_.begin();
   while (!shm::is_stopping(stop, *arena_)) {
     if (needs_weights() && !weights_.version()) {
       const uint32_t heard = shm::listen(arena_->control().weights_published);
@@ -104,20 +102,16 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
       COMRAD_TRY(refresh());
     } else if (const Batch& batch = batcher_.gather(kGatherTimeoutUs); !batch.is_empty()) {
       const int64_t began_ns = monotonic_ns();
-      stage.end(Stage::kGather);
+      stage_.end(Stage::kGather);
       if (!needs_weights()) {
         batcher_.scatter_random(batch);
       } else {
         // After the wait, not before it: in lock step the learner publishes and then lets simulators continue,
         // so the requests that end a wait already expect the new weights.
         COMRAD_TRY_ASSIGN(const PolicyOutput output, answer(batch));
-        if (is_thread())
-          stage.end(Stage::kForward);
-        else
-          stage.begin();
         batcher_.scatter(batch, output, *weights_.version());
       }
-      stage.end(Stage::kScatter);
+      stage_.end(Stage::kScatter);
       count_batch(batch, monotonic_ns() - began_ns);
     }
     counters.state.store(shm::WorkerState::kRunning, std::memory_order_relaxed);
@@ -127,12 +121,27 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
 }
 
 Expected<PolicyOutput> PolicyWorker::answer(const Batch& batch) {
-  std::optional<ProcessStage> stage;
-  if (!is_thread()) stage.emplace(Stage::kForward);  // libtorch's threads work on it too
   COMRAD_TRY(refresh());
-  if (seats_) return seats_->step(batch);
-  if (staged_) return staged_->step(batch);
-  return policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state, batch.global_state);
+  stage_.end(Stage::kWeights);
+  const auto forward = [&] {
+    return seats_    ? seats_->step(batch)
+           : staged_ ? staged_->step(batch, &stage_)
+                     : policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state,
+                                         batch.global_state);
+  };
+  if (is_thread()) {
+    PolicyOutput output = forward();
+    stage_.end(Stage::kForward);
+    return output;
+  }
+  PolicyOutput output;
+  {
+    const ProcessStage of_all_threads(Stage::kForward, {Stage::kPack});  // libtorch's work on it too
+    output = forward();
+  }
+  stage_.end_wall(Stage::kForward);
+  stage_.begin();
+  return output;
 }
 
 Status PolicyWorker::refresh() {

@@ -14,6 +14,7 @@
 #include "policy_workers/weights/weights_receiver.h"
 #include "policy_workers/worker/seat_networks.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -63,6 +64,7 @@ class PolicyWorker {
   std::unique_ptr<StagedForward> staged_;  // null on a CPU
   Batcher batcher_;
   WeightsReceiver weights_;
+  StageClock stage_;
 };
 
 /// Throughput of the network alone on random frames.

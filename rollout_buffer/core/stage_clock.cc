@@ -25,8 +25,8 @@ Error failed(const std::string& what, const std::string& path) {
 
 const char* name_of(Stage stage) {
   constexpr std::array<const char*, kStageCount> kNames = {
-      "tic",     "render",  "hand_over",        "gather",    "forward",
-      "scatter", "collate", "forward_backward", "optimizer", "publish"};
+      "tic",     "render",  "hand_over", "gather",           "weights",   "pack",
+      "forward", "scatter", "collate",   "forward_backward", "optimizer", "publish"};
   return kNames[static_cast<std::size_t>(stage)];
 }
 
@@ -60,6 +60,7 @@ std::vector<StageTotals> read_stages(const std::string& folder) {
     if (!file.read(reinterpret_cast<char*>(words.data()), sizeof words)) continue;
     StageTotals totals{.pid = words.front(), .name = entry.path().filename()};
     std::copy_n(words.begin() + 1, kStageCount, totals.cpu_ns.begin());
+    std::copy_n(words.begin() + 1 + kStageCount, kStageCount, totals.wall_ns.begin());
     totals.copied_bytes = words.back();
     all.push_back(std::move(totals));
   }

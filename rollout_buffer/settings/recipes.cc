@@ -12,7 +12,8 @@ namespace {
 // the whole run, ...), so the algorithm's rows over them are the published launch, and the preset `paper` adds only what
 // one value for all presets cannot say.
 //
-// `small` is what learns most per hour on a few cores. To try another value, change it here.
+// `small` is what learns most per hour on a few cores, `gpu` the same where a GPU computes: its rows stand above those of
+// `small`. To try another value, change it here.
 constexpr RecipeRow kRecipeRows[] = {
     // The algorithm's own, in every preset.
     {"", "ippo mappo", "use_rnn", "true", "a benchmark launch: LSTM of 512 units"},
@@ -106,13 +107,24 @@ constexpr RecipeRow kRecipeRows[] = {
      "exploration"},
     {"small", "q_learning", "learning_starts_decisions", "10000",
      "the published 50 000 decisions are a tenth of a run of 2 M env frames"},
+
+    // gpu: what it has over small.
+    {"gpu", "on_policy q_learning", "policy_processes", "false",
+     "processes take turns on a GPU; threads of the learner share it, and weights stay there"},
+    {"gpu", "on_policy", "batch_size", "4096", "a train step takes as long to start for 1 024 decisions"},
+    {"gpu", "on_policy", "num_envs_per_worker", "16",
+     "a forward pass takes as long for 64 rows as for 256 (BENCHMARKS.md)"},
 };
 
-SettingsLayer rows_of(std::string origin, std::string_view preset, const AlgorithmName& algorithm) {
-  SettingsLayer layer{std::move(origin), {}};
+/// The presets whose rows hold, the last one uppermost.
+std::vector<Preset> layers_of(Preset preset) {
+  if (preset == Preset::kGpu) return {Preset::kSmall, Preset::kGpu};
+  return {preset};
+}
+
+void append_rows(std::string_view preset, const AlgorithmName& algorithm, SettingsLayer& layer) {
   for (const RecipeRow& row : kRecipeRows)
     if (row.preset == preset && row.is_for(algorithm)) layer.values.emplace_back(row.setting, row.value);
-  return layer;
 }
 
 constexpr std::array<std::string_view, 4> kGroups = {"all", "on_policy", "q_learning", "mixers"};
@@ -142,11 +154,15 @@ std::span<const std::string_view> algorithm_groups() { return kGroups; }
 std::span<const RecipeRow> recipe_rows() { return kRecipeRows; }
 
 SettingsLayer algorithm_defaults(const AlgorithmName& algorithm) {
-  return rows_of("algorithm " + algorithm.name(), "", algorithm);
+  SettingsLayer layer{"algorithm " + algorithm.name(), {}};
+  append_rows("", algorithm, layer);
+  return layer;
 }
 
 SettingsLayer preset_settings(Preset preset, const AlgorithmName& algorithm) {
-  return rows_of("preset " + std::string(word_of(preset)), word_of(preset), algorithm);
+  SettingsLayer layer{"preset " + std::string(word_of(preset)), {}};
+  for (const Preset each : layers_of(preset)) append_rows(word_of(each), algorithm, layer);
+  return layer;
 }
 
 SettingsLayer qplex_preset_settings(QplexPreset preset) {
@@ -163,12 +179,13 @@ SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset,
   SettingsLayer chosen{training.origin, {}};
   std::vector<std::string_view> names(kGroups.begin(), kGroups.end());
   names.insert(names.end(), {algorithm->recipe_of, algorithm->name});
-  for (const std::string_view name : names) {
-    if (!is_called(*algorithm, name)) continue;
-    const std::string prefix = std::string(word_of(preset)) + "." + std::string(name) + ".";
-    for (const auto& [key, value] : training.values)
-      if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
-  }
+  for (const Preset each : layers_of(preset))
+    for (const std::string_view name : names) {
+      if (!is_called(*algorithm, name)) continue;
+      const std::string prefix = std::string(word_of(each)) + "." + std::string(name) + ".";
+      for (const auto& [key, value] : training.values)
+        if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
+    }
   return chosen;
 }
 

@@ -21,7 +21,7 @@ namespace comrad {
 
 /// One value of a recipe. Presets, settings and algorithms have their canonical names.
 struct RecipeRow {
-  std::string_view preset;      ///< "paper", "small"; empty: the algorithm's own, in every preset
+  std::string_view preset;      ///< "paper", "small", "gpu"; empty: the algorithm's own, in every preset
   std::string_view algorithms;  ///< separated by blanks: names, or words of algorithm_groups()
   std::string_view setting;
   std::string_view value;  ///< as on the command line
@@ -36,7 +36,7 @@ std::span<const RecipeRow> recipe_rows();
 /// The defaults of an algorithm (LSTM and 4 epochs for IPPO, ...), the layer below the preset's.
 SettingsLayer algorithm_defaults(const AlgorithmName& algorithm);
 
-/// A preset's rows for one algorithm, a layer above algorithm_defaults(). Origin "preset <name>".
+/// A preset's rows for one algorithm, a layer above algorithm_defaults(); those of `gpu` stand over those of `small`. Origin "preset <name>".
 SettingsLayer preset_settings(Preset preset, const AlgorithmName& algorithm);
 
 /// The settings that --qplex_preset stands for, in the preset's layer above its rows for the algorithm and below
@@ -48,7 +48,7 @@ std::span<const std::string_view> algorithm_groups();
 
 /// A scenario's settings for one preset and algorithm: of its keys "<preset>.<algorithm or group>.<setting>" those
 /// that fit, without the first two parts; keys of groups first, then of the row's `recipe_of`, then of the row itself.
-/// The upper part of the preset's layer.
+/// The upper part of the preset's layer; `gpu` reads the keys of `small`, then its own.
 SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset, const AlgorithmName& algorithm);
 
 }  // namespace comrad

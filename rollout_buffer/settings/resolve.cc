@@ -150,13 +150,14 @@ Status check_combinations(const RunConfig& c) {
                   "; lock step waits for every simulator, so the link is for asynchronous runs alone");
   if (!c.collection.policy_processes && c.collection.learners > 1)
     return refuse(fmt::format(
-        "policy_processes is off with {} learners; policy workers are threads of one learner alone",
+        "policy_processes is off with {} learners; policy workers are threads of one learner alone, so add "
+        "--policy_processes",
         c.collection.learners));
   if (!c.collection.policy_processes && !c.collection.policy_device.empty() &&
       c.collection.policy_device != c.collection.device)
     return refuse("policy_device is " + c.collection.policy_device +
                   " with policy_processes off; threads of the learner work on its device (" +
-                  c.collection.device + "), so leave policy_device out");
+                  c.collection.device + "), so leave policy_device out or add --policy_processes");
   if (with::join_endpoint.holds(c) && c.curriculum.curriculum != CurriculumKind::kUniform)
     return refuse("curriculum is " + std::string(word_of(c.curriculum.curriculum)) +
                   " in a run that other hosts join; each host draws its maps evenly, so it must be uniform");

@@ -18,10 +18,10 @@ constexpr const char* word_of(Enum value) {
   return Words<Enum>::words[static_cast<std::size_t>(value)];
 }
 
-enum class Preset { kPaper, kSmall };
+enum class Preset { kPaper, kSmall, kGpu };
 template <>
 struct Words<Preset> {
-  static constexpr std::array words = {"paper", "small"};
+  static constexpr std::array words = {"paper", "small", "gpu"};
 };
 
 /// What happens when the run exists already.

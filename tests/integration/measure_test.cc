@@ -33,8 +33,9 @@ void expect_keys(const nlohmann::json& object, const std::vector<std::string>& k
 const std::vector<std::string> kEvalKeys = {
     "scenario",    "policy",      "episodes",         "seed",    "num_agents", "layout", "J_mean", "J_ci95",
     "J_per_agent", "return_mean", "length_tics_mean", "ceiling", "J_share"};
-constexpr const char* kStages[] = {"tic",     "render",  "hand_over",        "gather",    "forward",
-                                   "scatter", "collate", "forward_backward", "optimizer", "publish"};
+constexpr const char* kStages[] = {"tic",     "render",  "hand_over", "gather",           "weights",
+                                   "forward", "scatter", "collate",   "forward_backward", "optimizer",
+                                   "publish"};
 const std::vector<std::string> kBenchKeys = {
     "bench", "scenario", "algo", "num_agents", "cores", "seconds", "decisions_per_s", "env_frames_per_s"};
 
@@ -181,7 +182,7 @@ TEST(Bench, AModelOfMoreCoresComesFromOneMeasurement) {
   const ScratchFolder scratch;
   std::ofstream(scratch / "train.json")
       << R"({"bench": "train", "cpu_seconds_per_1000_decisions": {"tic": 0.03, "render": 0.06, "hand_over": 0.01,
-            "gather": 0.01, "forward": 0.08, "scatter": 0.01, "collate": 0.02, "forward_backward": 0.25,
+            "gather": 0.01, "weights": 0, "pack": 0, "forward": 0.08, "scatter": 0.01, "collate": 0.02, "forward_backward": 0.25,
             "optimizer": 0.02, "publish": 0.01, "other": 0}})";
   const auto model = json_of({"bench", "model", "--from", scratch / "train.json", "--cores", "1,16"});
   ASSERT_EQ(model["on"].size(), 2u);
@@ -260,6 +261,15 @@ TEST(Bench, TheWholePipelineReportsItsRate) {
   EXPECT_NEAR(
       cost["simulators"].get<double>() + cost["policy_workers"].get<double>() + cost["learner"].get<double>(),
       all, 1e-6);
+  const nlohmann::json& clocks = summary["policy_thread_us_per_decision"];
+  double clocks_us = 0;
+  for (const auto& [stage, us] : clocks.items()) clocks_us += us.get<double>();
+  EXPECT_GT(clocks["forward"], 0);
+  EXPECT_EQ(clocks["pack"], 0) << "a CPU reads frames where they are";
+  const double window_us = 1e6 * summary["seconds"].get<double>() / summary["decisions"].get<double>();
+  EXPECT_GT(clocks_us, 0.5 * window_us * summary["policy_workers"].get<double>())
+      << "one thread a policy worker";
+  EXPECT_LT(clocks_us, 1.5 * window_us * summary["policy_workers"].get<double>());
   // Every frame is copied into a batch once, the last row of a rollout into the next one, and small weights.
   EXPECT_GT(summary["bytes_copied_per_decision"], 27648);
   EXPECT_LT(summary["bytes_copied_per_decision"], 5 * 27648);

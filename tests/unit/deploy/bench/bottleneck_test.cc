@@ -20,7 +20,7 @@ PipelineNumbers calm() {
           .sim_busy = 0.3,
           .policy_busy = 0.3,
           .learner_busy = 0.3,
-          .stage_cpu_s = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1},
+          .stage_cpu_s = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1},
           .num_workers = 2,
           .num_envs_per_worker = 8,
           .policy_workers = 1,
@@ -33,7 +33,7 @@ TEST(Bottleneck, OfBusyCoresIsTheStageThatTakesMost) {
   PipelineNumbers numbers = calm();
   numbers.cores_busy = 0.97;
   numbers.learner_busy = 1;
-  numbers.stage_cpu_s = {2, 10, 0.5, 0.2, 8, 0.3, 1, 27, 1, 0};
+  numbers.stage_cpu_s = {2, 10, 0.5, 0.2, 0, 0, 8, 0.3, 1, 27, 1, 0};
   EXPECT_EQ(bottleneck_text(numbers),
             "all cores are busy (97 %) and the learner's forward and backward pass takes 54 % of the run's "
             "processor time; "

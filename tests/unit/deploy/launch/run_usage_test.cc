@@ -32,9 +32,10 @@ TEST(CoreSeconds, CountsWorkOfTheNamedCoresAndNoWaits) {
 /// What a worker of the run counts in one stage.
 void write_stage(const test::ScratchFolder& run_dir, const std::string& name, uint64_t pid, Stage stage,
                  uint64_t ns, uint64_t bytes) {
-  std::array<uint64_t, 2 + kStageCount> words{};
+  std::array<uint64_t, 2 + 2 * kStageCount> words{};
   words.front() = pid;
   words[1 + static_cast<std::size_t>(stage)] = ns;
+  words[1 + kStageCount + static_cast<std::size_t>(stage)] = 2 * ns;
   words.back() = bytes;
   std::ofstream(run_dir / (std::string(kStagesFolder) + "/" + name), std::ios::binary)
       .write(reinterpret_cast<const char*>(words.data()), sizeof words);
@@ -55,6 +56,7 @@ TEST(ReadUsage, AddsUpWhatWorkersCountByRole) {
   const double cpu_s_before = process_cpu_s();
   const RunUsage usage = read_usage(run_dir.string(), arena);
   EXPECT_DOUBLE_EQ(usage.of(Stage::kTic), 4);
+  EXPECT_DOUBLE_EQ(usage.stage_wall_s[static_cast<std::size_t>(Stage::kTic)], 8);
   EXPECT_DOUBLE_EQ(usage.of(Stage::kOptimizer), 0.25);
   EXPECT_EQ(usage.copied_bytes, 115);
   EXPECT_DOUBLE_EQ(usage.sims.wait_s, 3);
@@ -83,6 +85,7 @@ TEST(UsageBetween, IsTheDifferenceAndNeverBelowZero) {
   RunUsage before, after;
   before.stage_cpu_s[0] = 1, after.stage_cpu_s[0] = 3;
   before.stage_cpu_s[1] = 5, after.stage_cpu_s[1] = 2;
+  before.stage_wall_s[2] = 1, after.stage_wall_s[2] = 4;
   before.copied_bytes = 10, after.copied_bytes = 30;
   before.sims = {.cpu_s = 1, .wait_s = 2, .processes = 2},
   after.sims = {.cpu_s = 4, .wait_s = 2.5, .processes = 2};
@@ -90,6 +93,7 @@ TEST(UsageBetween, IsTheDifferenceAndNeverBelowZero) {
   const RunUsage between = usage_between(before, after);
   EXPECT_EQ(between.stage_cpu_s[0], 2);
   EXPECT_EQ(between.stage_cpu_s[1], 0) << "a worker that died";
+  EXPECT_EQ(between.stage_wall_s[2], 3);
   EXPECT_EQ(between.copied_bytes, 20);
   EXPECT_EQ(between.cpu_s(), 3);
   EXPECT_EQ(between.sims.wait_s, 0.5);

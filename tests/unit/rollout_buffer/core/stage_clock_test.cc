@@ -21,6 +21,10 @@ double seconds_of(const StageTotals& totals, Stage stage) {
   return 1e-9 * static_cast<double>(totals.cpu_ns[static_cast<std::size_t>(stage)]);
 }
 
+double wall_seconds_of(const StageTotals& totals, Stage stage) {
+  return 1e-9 * static_cast<double>(totals.wall_ns[static_cast<std::size_t>(stage)]);
+}
+
 // One test: a process requests its counters once.
 TEST(StageClock, CountsOnlyWhereTheFolderIsThereAndOthersReadIt) {
   const test::ScratchFolder scratch;
@@ -55,6 +59,8 @@ TEST(StageClock, CountsOnlyWhereTheFolderIsThereAndOthersReadIt) {
   const double render_over_s = thread_cpu_s();
   usleep(20'000);
   clock.end(Stage::kHandOver);
+  usleep(10'000);
+  clock.end_wall(Stage::kForward);
   const double hand_over_over_s = thread_cpu_s();
   const double process_began_s = process_cpu_s();
   {
@@ -81,6 +87,10 @@ TEST(StageClock, CountsOnlyWhereTheFolderIsThereAndOthersReadIt) {
     EXPECT_GE(seconds_of(all[0], stage), least_s - kRounding_s) << name_of(stage);
     EXPECT_LE(seconds_of(all[0], stage), most_s + kRounding_s) << name_of(stage);
   };
+  EXPECT_GE(wall_seconds_of(all[0], Stage::kTic), seconds_of(all[0], Stage::kTic) - kRounding_s);
+  EXPECT_GE(wall_seconds_of(all[0], Stage::kHandOver), 0.02) << "waits count";
+  EXPECT_GE(wall_seconds_of(all[0], Stage::kForward), 0.01);
+  EXPECT_EQ(seconds_of(all[0], Stage::kForward), 0) << "a ProcessStage counts it";
   expect_between(Stage::kTic, 0.02, tic_over_s - began_s);
   expect_between(Stage::kRender, 0.01, render_over_s - began_s - 0.02);
   expect_between(Stage::kHandOver, 0, hand_over_over_s - tic_over_s - 0.01);

@@ -143,7 +143,8 @@ TEST(RecipeRows, EveryRowNamesWhatIsKnownGivesItsReasonAndStandsOnce) {
   std::set<std::tuple<std::string_view, std::string, std::string_view>> seen;
   for (const RecipeRow& row : recipe_rows()) {
     const std::string where = std::string(row.preset) + " " + std::string(row.setting);
-    EXPECT_TRUE(row.preset.empty() || row.preset == "paper" || row.preset == "small") << where;
+    EXPECT_TRUE(row.preset.empty() || row.preset == "paper" || row.preset == "small" || row.preset == "gpu")
+        << where;
     EXPECT_GT(row.reason.size(), 10u) << where;
     RunConfig config;
     const Status applied = apply_layer(config, {where, {{std::string(row.setting), std::string(row.value)}}});
@@ -181,7 +182,25 @@ TEST(PresetSettings, HoldTheRowsOfOnePresetAndAlgorithm) {
       << "the algorithm's rows are the published ones";
   const Status unknown = apply_layer(config, {"test layer", {{"preset", "papr"}}});
   ASSERT_FALSE(unknown);
-  EXPECT_THAT(unknown.error().message, HasSubstr("one of paper, small; did you mean 'paper'"));
+  EXPECT_THAT(unknown.error().message, HasSubstr("one of paper, small, gpu; did you mean 'paper'"));
+}
+
+TEST(PresetSettings, GpuStandsOverSmall) {
+  RunConfig small, gpu;
+  ASSERT_TRUE(apply_layer(small, preset_settings(Preset::kSmall, "happo")));
+  const SettingsLayer layer = preset_settings(Preset::kGpu, "happo");
+  EXPECT_EQ(layer.origin, "preset gpu");
+  ASSERT_TRUE(apply_layer(gpu, layer));
+  EXPECT_EQ(gpu.optimisation.batch_size, 4096);
+  EXPECT_FALSE(gpu.collection.policy_processes);
+  EXPECT_EQ(gpu.network.rnn_size, small.network.rnn_size);
+  EXPECT_EQ(gpu.optimisation.num_epochs, 1);
+  const SettingsLayer training{
+      "scenario toy", {{"gpu.vdn.gamma", "0.7"}, {"small.vdn.gamma", "0.9"}, {"small.vdn.rollout", "16"}}};
+  RunConfig config;
+  ASSERT_TRUE(apply_layer(config, scenario_settings(training, Preset::kGpu, "vdn")));
+  EXPECT_EQ(config.optimisation.gamma, 0.7);
+  EXPECT_EQ(config.collection.rollout, 16);
 }
 
 TEST(ScenarioSettings, AreThoseOfOnePresetAndAlgorithmWithoutTheirNames) {
