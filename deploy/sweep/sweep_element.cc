@@ -174,6 +174,7 @@ class Element {
     record_.pid = getpid();
     record_.pid_start_tics = start_tics_of(record_.pid).value_or(0);
     record_.job = job_;
+    record_.commit = commit_of_sources();
     record_.started_s = wall_s();
     record_.ended_s = 0;
     record_.exit_code = 0;
@@ -236,7 +237,7 @@ class Element {
   Status keep() {
     record_.ended_s = wall_s();
     if (folder_.results().folder.empty() || is_kept(folder_, run_)) return {};
-    if (const Status written = keep_result(folder_, run_, program()); !written)
+    if (const Status written = keep_result(folder_, run_, record_.commit, program()); !written)
       return Error{written.error().code,
                    "it finished, but its result could not be kept: " + written.error().message};
     return {};

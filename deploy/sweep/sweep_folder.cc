@@ -135,23 +135,6 @@ Status check_same_search(const SweepPlan& plan, const SweepFolder& before) {
   return {};
 }
 
-/// The commit of the source folder; "-changed" where tracked files differ from it; empty where there are no sources.
-std::string commit_of_sources() {
-  if (is_installed()) return "";  // a repository around the prefix is not ours
-  const std::string folder = data_dir();
-  const auto git = [&](const std::vector<std::string>& words) {
-    std::vector<std::string> command = {"git", "-c", "safe.directory=" + folder, "-C", folder};
-    command.insert(command.end(), words.begin(), words.end());
-    return run_program(command, {.timeout_s = 20});
-  };
-  const Expected<ProgramResult> head = git({"rev-parse", "HEAD"});
-  if (!head || head->exit_code != 0) return "";
-  const Expected<ProgramResult> changes =
-      git({"status", "--porcelain", "--untracked-files=no", "--", ".", ":(exclude)scenarios/results"});
-  const bool is_changed = changes && changes->exit_code == 0 && !changes->output.empty();
-  return std::string(trimmed(head->output)) + (is_changed ? "-changed" : "");
-}
-
 /// What follows "key ... :" in the first line of a file of /proc that begins so.
 std::string proc_entry(const std::string& path, const std::string& key) {
   std::ifstream file(path);
@@ -216,6 +199,22 @@ std::optional<uint64_t> start_tics_of(pid_t pid) {
     place = text.find(' ', place + (field > 3));
   if (place == std::string::npos) return std::nullopt;
   return std::strtoull(text.c_str() + place, nullptr, 10);
+}
+
+std::string commit_of_sources() {
+  if (is_installed()) return "";  // a repository around the prefix is not ours
+  const std::string folder = data_dir();
+  const auto git = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> command = {"git", "-c", "safe.directory=" + folder, "-C", folder};
+    command.insert(command.end(), words.begin(), words.end());
+    return run_program(command, {.timeout_s = 20});
+  };
+  const Expected<ProgramResult> head = git({"rev-parse", "HEAD"});
+  if (!head || head->exit_code != 0) return "";
+  const Expected<ProgramResult> changes =
+      git({"status", "--porcelain", "--untracked-files=no", "--", ".", ":(exclude)scenarios/results"});
+  const bool is_changed = changes && changes->exit_code == 0 && !changes->output.empty();
+  return std::string(trimmed(head->output)) + (is_changed ? "-changed" : "");
 }
 
 SweepStart facts_of_start(const std::string& backend) {
@@ -330,6 +329,7 @@ std::optional<RunRecord> SweepFolder::read_record(const SweepRun& run) const {
   record.pid = value_or<pid_t>(*json, "pid", 0);
   record.pid_start_tics = value_or<uint64_t>(*json, "pid_start_tics", 0);
   record.job = value_or<std::string>(*json, "job", "");
+  record.commit = value_or<std::string>(*json, "commit", "");
   record.started_s = value_or<double>(*json, "started_s", 0);
   record.ended_s = value_or<double>(*json, "ended_s", 0);
   record.exit_code = value_or<int>(*json, "exit_code", 0);
@@ -352,6 +352,7 @@ Status SweepFolder::write_record(const SweepRun& run, const RunRecord& record) c
                        {"pid", record.pid},
                        {"pid_start_tics", record.pid_start_tics},
                        {"job", record.job},
+                       {"commit", record.commit},
                        {"started_s", record.started_s},
                        {"ended_s", record.ended_s},
                        {"exit_code", record.exit_code},

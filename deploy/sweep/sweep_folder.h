@@ -51,6 +51,7 @@ struct RunRecord {
   pid_t pid = 0;                      ///< of the attempt; on `host`
   uint64_t pid_start_tics = 0;        ///< when it started, since pids are used again
   std::string job;                    ///< "123_4" of Slurm, or empty
+  std::string commit;                 ///< commit_of_sources() when the attempt began
   double started_s = 0, ended_s = 0;  ///< since 1970
   int exit_code = 0;
   std::string error;           ///< why it failed or was interrupted, one line
@@ -93,8 +94,10 @@ struct SweepStart {
   int64_t memory_bytes = 0;
 };
 
-/// Reads the machine and, with git, the source folder. `commit` ends in "-changed" where files differ from it, and is empty
-/// without git.
+/// The commit of the source folder; "-changed" where tracked files differ from it; empty where there are no sources or no git.
+std::string commit_of_sources();
+
+/// Reads the machine and the source folder.
 SweepStart facts_of_start(const std::string& backend);
 
 class SweepFolder {

@@ -198,7 +198,8 @@ std::optional<KeptResult> read_result(const SweepResults& results, const std::st
   return kept;
 }
 
-Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::string& comrad) {
+Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::string& commit,
+                   const std::string& comrad) {
   const SweepResults& results = folder.results();
   const std::string run_dir = folder.run_dir(run), target = results.folder + "/" + run.name;
   COMRAD_TRY_ASSIGN(RunConfig config, load_run_config(run_dir + "/config.toml"));
@@ -230,7 +231,7 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
       {"env_frames", number_in(*status, "env_frames", 0)},
       {"train_s", rounded(std::max(trained_s(*metrics), number_in(*status, "elapsed_s", 0)))},
       {"command", command},
-      {"commit", machine.commit},
+      {"commit", commit},
       {"date", utc_text(wall_s())},
       {"processor", machine.processor},
       {"cores", machine.cores},

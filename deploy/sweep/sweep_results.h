@@ -34,9 +34,10 @@ struct KeptResult {
 /// Nothing where there is none, or it is damaged.
 std::optional<KeptResult> read_result(const SweepResults& results, const std::string& run);
 
-/// Evaluates the finished run and writes its files. `comrad` is the program's path. Errors: kPeerLost with the evaluation's
+/// Evaluates the finished run and writes its files. `commit` is that of the sources when it was trained, `comrad` is the program's path. Errors: kPeerLost with the evaluation's
 /// last words, kNoSpace, kSystem; kBadFormat where the run's own files cannot be read.
-Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::string& comrad);
+Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::string& commit,
+                   const std::string& comrad);
 
 /// J over env frames of a metrics.jsonl as CSV with a head: at most `points_max` points, the first and the last among them,
 /// evenly spread, J with five digits. Lines without both are left out. Pure.

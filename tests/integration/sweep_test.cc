@@ -94,6 +94,7 @@ TEST(Sweep, ResultsAreKeptAndAnotherCloneDoesNotMakeThemAgain) {
   EXPECT_EQ(result["J_mean"], 2.0);
   EXPECT_EQ(result["train_for_env_frames"], 2000);
   EXPECT_EQ(result["map_hashes"]["seed 42"], "xxh3:1");
+  EXPECT_EQ(result["commit"], read_json(scratch / "study/records/seed1.json")["commit"]) << "of its start";
   EXPECT_EQ(read_text(scratch / "results/seed1/curve.csv"), "env_frames,J\n100,0.12346\n");
   const std::string settings = read_text(scratch / "results/seed1/config.toml");
   EXPECT_THAT(settings, AllOf(HasSubstr("seed = 1\n"), Not(HasSubstr(scratch.string()))));

@@ -64,7 +64,9 @@ TEST(SweepFolder, StatesFollowFromRecordProcessQueueAndStatus) {
   EXPECT_EQ(folder.look(run, {}).state, RunState::kInterrupted);
 
   record.job = "12_0";
+  record.commit = "0123abc-changed";
   ASSERT_TRUE(folder.write_record(run, record));
+  EXPECT_EQ(folder.read_record(run)->commit, "0123abc-changed");
   EXPECT_EQ(folder.look(run, {.running_runs = {"a"}}).state, RunState::kRunning);
   EXPECT_EQ(folder.look(run, {.is_known = false}).state, RunState::kRunning);
   EXPECT_EQ(folder.look(run, {.pending_runs = {"a"}}).state, RunState::kQueued);
