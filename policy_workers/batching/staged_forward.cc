@@ -76,6 +76,7 @@ StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
 
 void StagedForward::forward(Bucket& bucket) {
   torch::NoGradGuard no_grad;
+  const KeptFactors::Scope kept(factors_);
   const int64_t logits = env_.logit_count();
   const PolicyOutput output = policy_.step(bucket.frame, bucket.measurement,
                                            states_.index_select(0, bucket.read), bucket.global_state);
@@ -94,6 +95,7 @@ PolicyOutput StagedForward::step(const Batch& batch, StageClock* clock) {
   pack(batch, bucket);
   if (clock != nullptr) clock->end(Stage::kPack);
   if (!device.is_cpu()) bucket.there.copy_(bucket.staging, /*non_blocking=*/true);
+  factors_.refresh();
   bucket.graph.replay();
   if (!device.is_cpu()) {
     bucket.answer.copy_(bucket.answer_there, /*non_blocking=*/true);

@@ -12,6 +12,7 @@
 #include "policy_workers/batching/batcher.h"
 #include "policy_workers/device/part_pool.h"
 #include "policy_workers/device/queue.h"
+#include "policy_workers/kernels/precision.h"
 #include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/shm/arena.h"
@@ -61,6 +62,7 @@ class StagedForward {
   const int64_t state_count_, zero_row_, idle_row_;
   Tensor states_;  ///< f32 [E * N + 2, H] on the device: inputs of the environments' next decisions
   std::vector<std::optional<uint64_t>> held_;  ///< [E] the decision whose input states_ holds
+  KeptFactors factors_;                        ///< that the buckets' graphs read
   std::vector<Bucket> buckets_;
   device::PartPool packers_;
   int64_t states_brought_up_ = 0;

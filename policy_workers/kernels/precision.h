@@ -5,6 +5,9 @@
 
 #include <torch/types.h>
 
+#include <cstdint>
+#include <vector>
+
 #include "rollout_buffer/settings/words.h"
 
 namespace comrad::policy {
@@ -23,8 +26,36 @@ Tensor factor(const Tensor& x, Precision precision);
 Tensor to_f32(const Tensor& product);
 
 /// factor() of a weight that is read often between two changes: outside of autograd it is rounded once a version of the
-/// tensor and thread, not once a product (weight_cache.h).
+/// tensor and thread, not once a product (weight_cache.h). Work that is recorded rounds it each time, unless KeptFactors are there.
 Tensor weight_factor(const Tensor& weight, Precision precision);
+
+/// Rounded weights that recorded work reads where they are. Threads: one.
+class KeptFactors {
+ public:
+  /// While one lives, weight_factor() of this thread reads from `kept`. What is not there yet is made: run the work once before it is
+  /// recorded.
+  class Scope {
+   public:
+    explicit Scope(KeptFactors& kept);
+    ~Scope();
+    Scope(const Scope&) = delete;
+    Scope& operator=(const Scope&) = delete;
+
+   private:
+    KeptFactors* before_;
+  };
+  const Tensor& get(const Tensor& weight, Precision precision);
+  /// Rounds those that have changed since; before each replay.
+  void refresh();
+
+ private:
+  struct Kept {
+    Tensor weight, factor;
+    uint32_t version;
+    Precision precision;
+  };
+  std::vector<Kept> kept_;
+};
 
 /// x W^T + b in the given precision. Differentiable.
 Tensor linear(const Tensor& x, const Tensor& weight, const Tensor& bias, Precision precision);

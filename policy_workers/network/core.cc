@@ -33,7 +33,7 @@ class StepProduct {
     else if (precision_ == Precision::kFp32)
       at::addmm_out(out, base, x, factor_);
     else
-      at::add_out(out, to_f32(factor(x, precision_).mm(factor_)), base);
+      at::add_out(out, factor(x, precision_).mm(factor_), base);  // in f32, as the wider of the two
   }
 
   Tensor operator()(const Tensor& base, const Tensor& x) const {

@@ -15,6 +15,8 @@ namespace {
 constexpr double kVarianceFloor = 1e-5;
 /// Columns of the frames' statistics that one thread adds up at a time.
 constexpr int64_t kColumnsOfAPiece = 2048;
+/// Rows that a device sums at a time: 57 MB of frames' squares.
+constexpr int64_t kRowsOfASlice = 512;
 
 }  // namespace
 
@@ -66,12 +68,12 @@ void InputNormalizer::derive() {
   }
 }
 
-Tensor InputNormalizer::normalize(const Tensor& rows) const {
+Tensor InputNormalizer::normalize(const Tensor& rows, torch::ScalarType type) const {
   if (device::has_own_kernels(rows.device()) && rows.scalar_type() == torch::kUInt8)
-    return normalize_bytes(rows, factor_, offset_);
-  Tensor scaled = rows.to(torch::kFloat32);
-  if (!enabled_) return scaled * factor_;
-  return at::addcmul(offset_, scaled, factor_).clamp_(-kInputClip, kInputClip);
+    return normalize_bytes(rows, factor_, offset_).to(type);
+  if (!enabled_) return at::mul(rows, factor_).to(type);
+  // Rounded before the clip, which is cheaper and the same: its bounds are numbers of both types.
+  return at::addcmul(offset_, rows, factor_).to(type).clamp_(-kInputClip, kInputClip);
 }
 
 void InputNormalizer::normalize_rows(std::span<const uint8_t* const> rows, float* out) const {
@@ -101,14 +103,16 @@ void InputNormalizer::update(const Tensor& rows, const AddUp& add_up) {
     sum = sum.to(device_);
     square_sum = square_sum.to(device_);
   } else {
-    // In slices, because the double copy of a whole batch of frames would not fit beside the network on
-    // a GPU.
+    // In slices: squares of a whole batch of frames would not fit beside the network on a GPU. Those of bytes are summed as integers.
+    const bool is_bytes = flat.scalar_type() == torch::kUInt8;
+    const auto wide = is_bytes ? torch::kInt32 : torch::kFloat64,
+               exact = is_bytes ? torch::kInt64 : torch::kFloat64;
     sum = torch::zeros_like(mean_);
     square_sum = torch::zeros_like(mean_);
-    for (int64_t first = 0; first < flat.size(0); first += 256) {
-      const Tensor slice = flat.slice(0, first, first + 256).to(device_).to(torch::kFloat64);
-      sum.add_(slice.sum(0));
-      square_sum.add_(slice.square().sum(0));
+    for (int64_t first = 0; first < flat.size(0); first += kRowsOfASlice) {
+      const Tensor slice = flat.slice(0, first, first + kRowsOfASlice).to(device_);
+      sum.add_(slice.sum(0, /*keepdim=*/false, exact));
+      square_sum.add_(slice.to(wide).square().sum(0, /*keepdim=*/false, exact));
     }
   }
   if (add_up) {

@@ -34,8 +34,8 @@ class InputNormalizer {
   /// `enabled` the scale is all that is applied.
   static InputNormalizer create(int64_t element_count, double scale, bool enabled, torch::Device device);
 
-  /// Normalises rows [B, elements] of u8 or f32 into f32.
-  Tensor normalize(const Tensor& rows) const;
+  /// Normalises rows [B, elements] of u8 or f32 into f32, or into bf16, the f32 rounded.
+  Tensor normalize(const Tensor& rows, torch::ScalarType type = torch::kFloat32) const;
   /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has
   /// rows.size() rows.
   void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;

@@ -46,8 +46,8 @@ Tensor convolve(const Tensor& x, const Tensor& weight, const Tensor& bias, int64
                 Precision precision) {
   if (precision == Precision::kFp32) return at::conv2d(x, weight, bias, stride, padding);
   const Tensor product =
-      at::conv2d(factor(x, precision), factor(weight, precision), Tensor(), stride, padding);
-  return to_f32(product) + bias.view({1, -1, 1, 1});
+      at::conv2d(factor(x, precision), weight_factor(weight, precision), Tensor(), stride, padding);
+  return product + bias.view({1, -1, 1, 1});  // in f32, as the wider of the two
 }
 
 /// A layer with its tensors: none, weight and bias, or two of each (residual).
@@ -277,9 +277,14 @@ class LayerEncoder : public Encoder {
   /// The layers before flatten; the pixel path flattens.
   Tensor maps(const Tensor& bytes) const {
     const InputNormalizer& normalizer = normalizer_->frame;
-    if (!device::has_own_kernels(device_) || map_tensors_ == 0)
-      return run_layers(normalizer.normalize(bytes.flatten(1)).view_as(bytes), maps_.layers, tensors_,
-                        precision_);
+    if (!device::has_own_kernels(device_) || map_tensors_ == 0) {
+      const bool rounds =
+          precision_ == Precision::kBf16 && multiplies_bf16(device_) && !maps_.layers.empty() &&
+          maps_.layers.front().layer.kind == LayerKind::kConv;  // which rounds its input anyway
+      const Tensor pixels =
+          normalizer.normalize(bytes.flatten(1), rounds ? torch::kBFloat16 : torch::kFloat32);
+      return run_layers(pixels.view_as(bytes), maps_.layers, tensors_, precision_);
+    }
     if (fits_pixel_path_) return pixel_features(bytes, scale(), stack(), precision_);
     std::vector<Tensor> flat;
     for (std::size_t i = 0; i < map_tensors_; ++i) flat.push_back(tensors_[i].flatten());

@@ -4,7 +4,10 @@
 
 #include "policy_workers/device/choose_device.h"
 #include "policy_workers/device/host_wait_counter.h"
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/torch_ops.h"
+#include "rollout_buffer/core/cpu_features.h"
+#include "tests/support/operator_count.h"
 
 namespace comrad::policy {
 namespace policy_net_test {
@@ -144,6 +147,28 @@ TEST_P(EveryNet, WeightsAreTakenOverWithoutAWaitForTheDevice) {
   learner.update_input_statistics(frame, measurement);
   worker.update_input_statistics(frame, measurement);
   EXPECT_EQ(worker.weights(), learner.weights());
+}
+
+// What a GPU is given by a forward pass of `small` for 64 agents; eight of the kernels are one there, the fused cell.
+TEST(ActorCritic, AForwardPassStartsFewKernelsAndMovesFewBytes) {
+  if (!cpu_multiplies_bf16())
+    GTEST_SKIP() << "this processor has no bf16 products, so factors are rounded back";
+  NetworkOptions small;
+  small.encoder = "impala";
+  small.rnn_type = RnnType::kGru;
+  small.rnn_size = 256;
+  small.precision = Precision::kBf16;
+  const ActorCritic net = ActorCritic::create(small, 3, torch::kCPU);
+  constexpr int64_t kRows = 64;
+  const Tensor frame = random_frames(small, {kRows}), state = torch::zeros({kRows, 256});
+  const device::OperatorPath as_on_a_device;
+  KeptFactors factors;
+  const KeptFactors::Scope scope(factors);
+  (void)net.step(frame, {}, state);  // rounds the weights
+  const test::OperatorCount count;
+  (void)net.step(frame, {}, state);
+  EXPECT_LE(count.kernels(), 31);
+  EXPECT_LE(count.bytes() / kRows, 970'000);
 }
 
 // What narrow_weights() of the link to other hosts takes for granted.

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "policy_workers/device/cpu_tuning.h"
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/queue.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/kernels/elementwise.h"
@@ -36,6 +37,31 @@ TEST(InputNormalizer, MatchesTheKnownAnswer) {
     EXPECT_EQ(buffers[2].second.item<double>(), 5.0);
     expect_near(normalizer.normalize(batch), {-0.646162, -0.287183, 0.430775, 1.507711}, 1e-6);
   }
+}
+
+// On a device statistics come from integers, as on a CPU, and pixels are rounded where they are normalised.
+TEST(InputNormalizer, OperatorsGiveWhatTheKernelsGive) {
+  constexpr int64_t kElements = 300;
+  InputNormalizer kernels = InputNormalizer::create(kElements, 255.0, true, torch::kCPU),
+                  operators = InputNormalizer::create(kElements, 255.0, true, torch::kCPU);
+  for (const int64_t rows : {1, 7, 1100}) {  // the last in three slices
+    const Tensor history = torch::randint(0, 256, {rows, kElements}, torch::kUInt8);
+    history.slice(1, 0, 10).fill_(255);
+    kernels.update(history);
+    const device::OperatorPath as_on_a_device;
+    operators.update(history);
+  }
+  for (size_t i = 0; i < 3; ++i)
+    EXPECT_TRUE(torch::equal(kernels.named_buffers("n")[i].second, operators.named_buffers("n")[i].second))
+        << i;
+  const Tensor rows = torch::randint(0, 256, {9, kElements}, torch::kUInt8);
+  const Tensor expected = kernels.normalize(rows);
+  const device::OperatorPath as_on_a_device;
+  const Tensor normal = operators.normalize(rows);
+  EXPECT_LT((normal - expected).abs().max().item<double>(), 2e-6);
+  const Tensor rounded = operators.normalize(rows, torch::kBFloat16);
+  EXPECT_EQ(rounded.scalar_type(), torch::kBFloat16);
+  EXPECT_TRUE(torch::equal(rounded, normal.to(torch::kBFloat16)));
 }
 
 TEST(InputNormalizer, FusedNormalisationEqualsThePlainFormula) {
