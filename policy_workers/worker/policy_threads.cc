@@ -13,6 +13,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/shm/step_slots.h"
+#include "rollout_buffer/shm/worker_shell.h"
 
 namespace comrad::policy {
 
@@ -41,7 +42,7 @@ void PolicyThreads::work(int worker_index) {
   try {
     result = serve(worker_index);
   } catch (const std::exception& failure) {  // from libraries
-    result = Error{ErrorCode::kSystem, failure.what()};
+    result = Error{ErrorCode::kSystem, shm::words_of_failure(failure.what())};
   }
   if (result) return;
   const std::lock_guard lock(mutex_);

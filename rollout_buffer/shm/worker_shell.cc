@@ -55,6 +55,15 @@ WorkerShell::WorkerShell(WorkerProgram program)
                "no run: prints the size of its part of config.toml, as one JSON object");
 }
 
+std::string words_of_failure(std::string_view what) {
+  const bool is_full = what.find("CUDA out of memory") != std::string_view::npos ||
+                       what.find("CUBLAS_STATUS_ALLOC_FAILED") != std::string_view::npos;
+  if (!is_full) return std::string(what);
+  return std::string(what.substr(0, what.find('\n'))) +
+         "; lower --micro_batch_size (what is in training at a time), --num_envs_per_worker or "
+         "--policy_workers, or end what else uses this GPU";
+}
+
 const std::atomic<bool>& WorkerShell::stop() const { return stop_signalled; }
 
 int WorkerShell::run(int argc, char** argv, const WorkerJobs& jobs) {
@@ -78,7 +87,7 @@ int WorkerShell::run(int argc, char** argv, const WorkerJobs& jobs) {
     if (is_in_a_run()) spdlog::info("stopped");
     return kExitDone;
   } catch (const std::exception& failure) {  // from libraries; ours do not throw
-    return fail(failure.what(), kExitFailed);
+    return fail(words_of_failure(failure.what()), kExitFailed);
   }
 }
 

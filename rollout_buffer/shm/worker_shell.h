@@ -7,6 +7,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
@@ -33,6 +34,9 @@ struct WorkerJobs {
   std::function<Status(const RunConfig& config, double seconds)> bench = {};  ///< --bench: alone
   std::function<Status(const RunConfig& config)> describe = {};               ///< --describe: alone
 };
+
+/// The text of a library's exception; where a GPU has no memory left, its first line and the settings to lower.
+std::string words_of_failure(std::string_view what);
 
 /// One worker program's way from its command line to its exit code:
 ///

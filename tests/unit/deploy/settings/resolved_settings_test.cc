@@ -196,6 +196,11 @@ struct ScenarioRow {
   Row row;
 };
 constexpr ScenarioRow kSmallScenarios[] = {
+    {"ammo_carrier",
+     {"exploration_loss",
+      "entropy symmetric_kl symmetric_kl symmetric_kl symmetric_kl symmetric_kl symmetric_kl symmetric_kl"}},
+    {"ammo_carrier",
+     {"exploration_loss_coeff", "0.01@0..0.003@2600000 0.001 0.001 0.001 0.001 0.001 0.001 0.001"}},
     {"foraging_commons", {"n_step", "1"}},
     {"lava_pit", {"gamma", "0.9995"}},
     {"rhythm_sync", {"gamma", "0.999"}},

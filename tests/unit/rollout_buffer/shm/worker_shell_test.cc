@@ -147,6 +147,16 @@ TEST_F(WorkerShellTest, JoinsWithItsRole) {
   EXPECT_EXIT(run(), ExitedWithCode(kExitDone), "");
 }
 
+TEST(WordsOfFailure, NameWhatToLowerWhereAGpuIsFull) {
+  EXPECT_EQ(words_of_failure("a tensor is too large\nframe #0"), "a tensor is too large\nframe #0");
+  for (const char* what :
+       {"CUDA out of memory. Tried to allocate 2.00 GiB (GPU 0; 79 GiB total)\nframe #0: x",
+        "CUDA error: CUBLAS_STATUS_ALLOC_FAILED when calling `cublasCreate(handle)`"})
+    EXPECT_THAT(words_of_failure(what),
+                ::testing::AllOf(::testing::StartsWith("CUDA"), HasSubstr("lower --micro_batch_size"),
+                                 ::testing::Not(HasSubstr("\n"))));
+}
+
 TEST(BenchShape, ReadsItsFlagsAndNamesWhatIsOutOfRange) {
   BenchShape shape;
   Flags flags("", "");
