@@ -73,9 +73,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// num_epochs x num_batches_per_epoch optimizer steps on a batch, moved to the device where to_device() did not; `terms` are those
   /// of the last one taken. A step's loss terms are read once, when the phase is over, or, where no report is wanted, in a phase
   /// after it. Settings may need them earlier: a rate or an early stop that follows the KL needs it after every step, epochs need the
-  /// loss of the one before. kStopped
-  /// when begin_step, kAbandoned when keep_going returned false. Errors: kBadInput after too many steps in a row
-  /// that were not finite.
+  /// loss of the one before. kStopped when begin_step, kAbandoned when keep_going returned false. Errors: kBadInput after too many
+  /// steps in a row that were not finite.
   Expected<PhaseEnd> train_phase(const RolloutBatch& batch, const Phase& phase, const UpdateContext& context,
                                  UpdateStats& stats, TermValues& terms);
   /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad, with
