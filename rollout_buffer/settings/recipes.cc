@@ -113,7 +113,7 @@ constexpr RecipeRow kRecipeRows[] = {
      "processes take turns on a GPU; threads of the learner share it, and weights stay there"},
     {"gpu", "on_policy", "batch_size", "4096", "a train step takes as long to start for 1 024 decisions"},
     {"gpu", "on_policy", "num_envs_per_worker", "16",
-     "a forward pass takes as long for 64 rows as for 256 (BENCHMARKS.md)"},
+     "a forward pass of 256 rows takes 2.6 times as long as one of 64 (BENCHMARKS.md)"},
 };
 
 /// The presets whose rows hold, the last one uppermost.
