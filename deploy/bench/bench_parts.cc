@@ -117,7 +117,7 @@ void append_usage(const RunConfig& config, const MeasuredWindow& measured, int c
   cost["learner"] = usage.learner.cpu_s / thousands;
   cost["all"] = usage.cpu_s() / thousands;
   ordered_json& clocks = summary["policy_thread_us_per_decision"];
-  for (const Stage stage : {Stage::kGather, Stage::kWeights, Stage::kPack, Stage::kForward, Stage::kScatter})
+  for (const Stage stage : kPolicyStages)
     clocks[name_of(stage)] =
         1e6 * usage.stage_wall_s[static_cast<std::size_t>(stage)] / static_cast<double>(measured.decisions);
   if (measured.gpu_busy) summary["gpu_busy"] = *measured.gpu_busy;

@@ -1,28 +1,28 @@
 #include "deploy/launch/gpu_load.h"
 
 #include <algorithm>
-#include <charconv>
+#include <cstdint>
 #include <map>
 #include <string_view>
 #include <utility>
 
+#include "rollout_buffer/core/take_number.h"
+
 namespace comrad::deploy {
 namespace {
 
-/// "2, 87": a GPU's index and percent; none of other text.
-std::optional<std::pair<int, int>> reading_of(std::string_view line) {
-  const auto number = [](std::string_view text) -> std::optional<int> {
-    while (text.starts_with(' ')) text.remove_prefix(1);
-    int value = 0;
-    const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (failure != std::errc() || end != text.data() + text.size() || value < 0) return std::nullopt;
-    return value;
-  };
-  const std::size_t comma = line.find(',');
-  if (comma == std::string_view::npos) return std::nullopt;
-  const std::optional<int> gpu = number(line.substr(0, comma)), percent = number(line.substr(comma + 1));
-  if (!gpu || !percent || *percent > 100) return std::nullopt;
-  return std::pair(*gpu, *percent);
+/// A line of the driver.
+struct Reading {
+  uint64_t gpu = 0, percent = 0;
+};
+
+/// Of "2, 87"; none of other text.
+std::optional<Reading> reading_of(std::string_view line) {
+  Reading reading;
+  if (!take_number(line, "", reading.gpu) || !take_number(line, ", ", reading.percent) || !line.empty() ||
+      reading.percent > 100)
+    return std::nullopt;
+  return reading;
 }
 
 }  // namespace
@@ -41,11 +41,11 @@ std::optional<double> GpuLoad::busy() {
     double percent = 0;
     int readings = 0;
   };
-  std::map<int, Sum> of_gpus;
+  std::map<uint64_t, Sum> of_gpus;
   for (const std::string& line : watcher_->read_lines())
     if (const auto reading = reading_of(line)) {
-      of_gpus[reading->first].percent += reading->second;
-      ++of_gpus[reading->first].readings;
+      of_gpus[reading->gpu].percent += static_cast<double>(reading->percent);
+      ++of_gpus[reading->gpu].readings;
     }
   std::optional<double> busiest;
   for (const auto& [gpu, sum] : of_gpus)

@@ -108,7 +108,7 @@ bool RateMeter::measure(double now_s) {
              .updates = trained_updates_.total() - updates_before_window_,
              .windows = parts_.rates(),
              .usage = usage_between(usage_before_window_, read_usage(plan_.run_dir, *arena_)),
-             .gpu_busy = gpu_load_ ? gpu_load_->busy() : std::nullopt};
+             .gpu_busy = gpu_load_->busy()};
   gpu_load_.reset();
   if (window_.windows.empty()) window_.windows = {done / window_.seconds};
   return true;

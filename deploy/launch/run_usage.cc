@@ -33,7 +33,7 @@ RoleUsage since(const RoleUsage& before, const RoleUsage& after) {
 /// Of policy workers, which may be threads of a learner.
 double policy_cpu_s(const StageTotals& totals) {
   double cpu_s = 0;
-  for (const Stage stage : {Stage::kGather, Stage::kWeights, Stage::kPack, Stage::kForward, Stage::kScatter})
+  for (const Stage stage : kPolicyStages)
     cpu_s += 1e-9 * static_cast<double>(totals.cpu_ns[static_cast<std::size_t>(stage)]);
   return cpu_s;
 }

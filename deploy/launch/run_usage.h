@@ -13,6 +13,10 @@
 
 namespace comrad::deploy {
 
+/// Those of policy workers, in the order of a batch.
+inline constexpr std::array kPolicyStages = {Stage::kGather, Stage::kWeights, Stage::kPack, Stage::kForward,
+                                             Stage::kScatter};
+
 /// The processes of one role.
 struct RoleUsage {
   double cpu_s = 0;   ///< of all of them

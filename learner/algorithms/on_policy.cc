@@ -259,13 +259,10 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
 StepOutcome OnPolicy::complete_oldest(UpdateStats& stats) {
   Pending pending = std::move(launched_.front());
   launched_.pop_front();
-  if (pending.phase == phases_) {
-    StepOutcome outcome = runner_.complete(pending.step, stats);
-    last_grad_norm_ = runner_.grad_norm();
-    return outcome;
-  }
-  UpdateStats of_before;
-  StepOutcome outcome = runner_.complete(pending.step, of_before);
+  const bool is_of_this_phase = pending.phase == phases_;
+  UpdateStats of_before;  // its optimizer_steps are no longer counted
+  StepOutcome outcome = runner_.complete(pending.step, is_of_this_phase ? stats : of_before);
+  if (is_of_this_phase) last_grad_norm_ = runner_.grad_norm();
   stats.skipped_steps += of_before.skipped_steps;
   return outcome;
 }

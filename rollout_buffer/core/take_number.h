@@ -1,4 +1,4 @@
-// Reads names such as checkpoint_<version>_<env_frames>.pt from the left. Stage: beside the flow.
+// Reads texts such as checkpoint_<version>_<env_frames>.pt from the left. Stage: beside the flow.
 #pragma once
 
 #include <charconv>
