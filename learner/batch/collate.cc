@@ -32,7 +32,8 @@ void visit_time_major(RolloutBatch& batch, Visitor&& visit) {
 
 Tensor RolloutBatch::acting() const { return valid * agent_active; }
 
-RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count, torch::Device device) {
+RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count, torch::Device device,
+                                bool frames_there_alone) {
   COMRAD_CHECK(slab_count > 0, "a batch holds at least one slab");
   const EnvShape& env = shape.env;
   const int64_t steps = shape.rollout_steps, rows = slab_count * env.num_agents;
@@ -41,7 +42,11 @@ RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count
   RolloutBatch batch;
   batch.shape = shape;
   batch.slab_count = slab_count;
-  batch.frame = device::host_memory({steps, rows, env.channels, env.height, env.width}, u8, device);
+  const std::vector<int64_t> frames = {steps, rows, env.channels, env.height, env.width};
+  if (frames_there_alone)
+    batch.frame_there = torch::empty(frames, torch::TensorOptions(u8).device(device));
+  else
+    batch.frame = device::host_memory(frames, u8, device);
   if (env.measurement_count > 0) batch.measurement = torch::zeros({steps, rows, env.measurement_count}, f32);
   if (env.global_state_count > 0)
     batch.global_state = torch::zeros({steps, slab_count, env.global_state_count}, f32);
@@ -87,7 +92,7 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
   const int64_t choices = env.logit_count(), heads = env.head_count, measurements = env.measurement_count;
   const int64_t hidden = batch.shape.recurrent_state_count, frame_bytes = env.frame_bytes();
 
-  uint8_t* frame = batch.frame.data_ptr<uint8_t>();
+  uint8_t* frame = batch.frame.defined() ? batch.frame.data_ptr<uint8_t>() : nullptr;
   float* measurement = measurements > 0 ? batch.measurement.data_ptr<float>() : nullptr;
   const int64_t states = env.global_state_count;
   float* global_state = states > 0 ? batch.global_state.data_ptr<float>() : nullptr;
@@ -116,10 +121,11 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
 
   int64_t broken_count = 0;
   for (int t = 0; t < steps; ++t) {
-    uint8_t* frames_of_step = frame + (t * rows + first) * frame_bytes;
     float* state_of_step = states > 0 ? global_state + (t * batch.slab_count + position) * states : nullptr;
     if (t >= filled) {  // padding
-      std::memset(frames_of_step, 0, static_cast<std::size_t>(agents * frame_bytes));
+      if (frame != nullptr)
+        std::memset(frame + (t * rows + first) * frame_bytes, 0,
+                    static_cast<std::size_t>(agents * frame_bytes));
       if (states > 0) std::fill_n(state_of_step, states, 0.0f);
       for (int64_t at = t * rows + first; at < t * rows + first + agents; ++at) {
         if (measurement != nullptr) std::fill_n(measurement + at * measurements, measurements, 0.0f);
@@ -137,9 +143,11 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
       }
       continue;
     }
-    const auto frames = slab.frames(t);
-    std::memcpy(frames_of_step, frames.data(), frames.size_bytes());
-    count_copied(frames.size_bytes());
+    if (frame != nullptr) {
+      const auto frames = slab.frames(t);
+      std::memcpy(frame + (t * rows + first) * frame_bytes, frames.data(), frames.size_bytes());
+      count_copied(frames.size_bytes());
+    }
     const StepEnd end = take_end(slab, t);
     const bool world_is_sound = states == 0 || take_floats(slab.global_state(t), state_of_step);
     for (int agent = 0; agent < agents; ++agent) {
@@ -237,7 +245,7 @@ void visit_device_fields(RolloutBatch& batch, const std::function<void(Tensor&)>
 }
 
 void send_ahead(RolloutBatch& batch, torch::Device device) {
-  if (device::has_own_kernels(device)) return;
+  if (!batch.frame.defined() || device::has_own_kernels(device)) return;
   const device::Stream copies = device::Stream::beside(device);
   const device::StreamScope scope(copies);
   if (!batch.frame_there.defined())

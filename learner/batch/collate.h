@@ -1,5 +1,6 @@
 // From sealed trajectory slabs to the tensors of one training batch. Each frame is copied once, slab to
-// batch, and the slab is free again before the first gradient is computed. Stage: drain > sample > minibatch.
+// batch, or on a GPU that policy workers share from where it went up, and the slab is free again before the first gradient is
+// computed. Stage: drain > sample > minibatch.
 #pragma once
 
 #include <torch/types.h>
@@ -26,7 +27,7 @@ struct RolloutBatch {
   int64_t transitions = 0;  ///< agent decisions that were taken, valid or not; without padding
   bool has_action_mask = false;
 
-  Tensor frame;            ///< u8  [T, R, C, H, W]
+  Tensor frame;            ///< u8  [T, R, C, H, W]; undefined where frames go to `frame_there` alone
   Tensor measurement;      ///< f32 [T, R, M], undefined when M = 0
   Tensor global_state;     ///< f32 [T, slab_count, S] of the worlds, undefined when S = 0
   Tensor action_mask;      ///< u8  [T, R, A]; read only when has_action_mask
@@ -47,7 +48,7 @@ struct RolloutBatch {
   Tensor value_valid;      ///< u8  [T+1, R]   made by apply_lag_filter
   Tensor reset;            ///< u8  [T, R]     state is zeroed before this step; made by apply_lag_filter
 
-  Tensor frame_there;  ///< `frame` on the learner's device, where send_ahead() put it
+  Tensor frame_there;  ///< `frame` on the learner's device, where send_ahead() or collate_slabs() put it
   device::Event frame_arrived;
   bool is_frame_there = false;
   device::Event was_read;  ///< made by hand_back()
@@ -69,9 +70,9 @@ struct RolloutBatch {
 };
 
 /// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB. Its frames lie where `device` can
-/// copy them while the host continues.
+/// copy them while the host continues, or on `device` alone.
 RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count,
-                                torch::Device device = torch::kCPU);
+                                torch::Device device = torch::kCPU, bool frames_there_alone = false);
 
 /// Begins to copy a full batch's frames to a GPU, beside its work. Threads: the batcher's.
 void send_ahead(RolloutBatch& batch, torch::Device device);

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <exception>
 
+#include "learner/sources/collate_slabs.h"
 #include "learner/sources/stop_signal.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/shm/futex.h"
@@ -14,11 +15,12 @@
 namespace comrad::learn {
 
 BatchQueue::BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity,
-                       torch::Device device)
+                       torch::Device device, const policy::SlabFrames* frames)
     : arena_(arena),
       slabs_per_batch_(slabs_per_batch),
       capacity_(std::max<int64_t>(1, capacity)),
       device_(device),
+      frames_(frames),
       thread_([this] { run(); }) {}
 
 BatchQueue::~BatchQueue() {
@@ -86,7 +88,7 @@ void BatchQueue::fill() {
     }
     if (batch == nullptr)
       batch = std::make_unique<RolloutBatch>(
-          make_rollout_batch(arena_.shape().trajectory, slabs_per_batch_, device_));
+          make_rollout_batch(arena_.shape().trajectory, slabs_per_batch_, device_, frames_ != nullptr));
     if (!collect(*batch)) return;
     send_ahead(*batch, device_);
     {
@@ -105,13 +107,11 @@ bool BatchQueue::collect(RolloutBatch& batch) {
   while (!stop_) {
     shm::Doorbell& sealed = arena_.control().slab_sealed;
     const uint32_t heard = shm::listen(sealed);
-    const std::vector<uint32_t> slabs = arena_.slabs().drain(static_cast<int>(slabs_per_batch_ - position));
-    for (const uint32_t index : slabs) {
-      broken_ +=
-          static_cast<uint64_t>(collate_slab(batch, position++, arena_.slabs().view(static_cast<int>(index)),
-                                             arena_.slabs().header(static_cast<int>(index)).length));
-      arena_.slabs().release(index);
-    }
+    std::vector<PlacedSlab> slabs;
+    for (const uint32_t index : arena_.slabs().drain(static_cast<int>(slabs_per_batch_ - position)))
+      slabs.push_back({.slab_index = index, .position = position++});
+    broken_ += static_cast<uint64_t>(collate_slabs(batch, slabs, arena_, frames_, device_));
+    for (const PlacedSlab& slab : slabs) arena_.slabs().release(slab.slab_index);
     stage.end(Stage::kCollate);
     if (position == slabs_per_batch_) return true;
     if (slabs.empty()) shm::wait(sealed, heard, kPollUs);

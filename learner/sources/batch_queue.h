@@ -15,16 +15,17 @@
 #include <vector>
 
 #include "learner/batch/collate.h"
+#include "policy_workers/batching/slab_frames.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
 
 class BatchQueue {
  public:
-  /// Starts the thread. `arena` outlives the queue. `slabs_per_batch` slabs make a batch, whose frames are sent to
-  /// `device` as soon as it is full.
+  /// Starts the thread. `arena` and `frames` outlive the queue. `slabs_per_batch` slabs make a batch, whose frames are sent to
+  /// `device` as soon as it is full, or are there already, in `frames`, which may be null.
   BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity,
-             torch::Device device = torch::kCPU);
+             torch::Device device = torch::kCPU, const policy::SlabFrames* frames = nullptr);
   /// Stops the thread; slabs in the hands of the batcher go back, batches that wait are lost.
   ~BatchQueue();
   BatchQueue(const BatchQueue&) = delete;
@@ -49,6 +50,7 @@ class BatchQueue {
   const int64_t slabs_per_batch_;
   const int64_t capacity_;
   const torch::Device device_;
+  const policy::SlabFrames* const frames_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::unique_ptr<RolloutBatch>> full_;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "learner/sources/batch_queue.h"
+#include "learner/sources/collate_slabs.h"
 #include "learner/sources/journal_snapshot.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
@@ -47,7 +48,7 @@ class QueueSource final : public BatchSource {
     queue_ = std::make_unique<BatchQueue>(
         options_.arena,
         slabs_per_batch(options_.config, options_.arena.shape().trajectory.env) / options_.ranks.count(),
-        options_.config.collection.num_batches_to_accumulate, options_.device);
+        options_.config.collection.num_batches_to_accumulate, options_.device, options_.frames);
     return {};
   }
   uint64_t rollouts_allowed() const override { return kUnlimited; }
@@ -286,14 +287,13 @@ std::unique_ptr<RolloutBatch> LockStepSource::collate_next() {
     free_.erase(fits);
     clear(*batch);
   } else {
-    batch =
-        std::make_unique<RolloutBatch>(make_rollout_batch(arena.shape().trajectory, count, options_.device));
+    batch = std::make_unique<RolloutBatch>(
+        make_rollout_batch(arena.shape().trajectory, count, options_.device, options_.frames != nullptr));
   }
-  for (int64_t i = 0; i < count; ++i, ++used_) {
-    const int slab = static_cast<int>(slabs_[used_]);
-    broken_decisions_ += static_cast<uint64_t>(
-        collate_slab(*batch, i, arena.slabs().view(slab), arena.slabs().header(slab).length));
-  }
+  std::vector<PlacedSlab> slabs;
+  for (int64_t i = 0; i < count; ++i, ++used_) slabs.push_back({.slab_index = slabs_[used_], .position = i});
+  broken_decisions_ +=
+      static_cast<uint64_t>(collate_slabs(*batch, slabs, arena, options_.frames, options_.device));
   return batch;
 }
 

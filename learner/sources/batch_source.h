@@ -16,6 +16,7 @@
 #include "learner/ranks/rank_group.h"
 #include "learner/sources/replay_feed.h"
 #include "learner/sources/stop_signal.h"
+#include "policy_workers/batching/slab_frames.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/version.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -45,6 +46,8 @@ struct SourceOptions {
   bool is_off_policy = false;
   torch::Device device = torch::kCPU;  ///< that trains
   RankGroup& ranks;                    ///< each of the learners fills its part of every batch
+  /// Where policy threads keep frames on the device; null: nowhere.
+  const policy::SlabFrames* frames = nullptr;
 };
 
 /// Threads: the learner's.

@@ -12,11 +12,13 @@
 #include "learner/worker/rank_round.h"
 #include "learner/worker/seat_server.h"
 #include "policy_workers/device/choose_device.h"
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/applies_when.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/futex.h"
@@ -59,16 +61,19 @@ Status Learner::open() {
   counters.begin_life();
   COMRAD_TRY(check_arena());
   COMRAD_TRY(make_network());
+  map_frames();
   if (!options_.serve) {
     COMRAD_TRY_ASSIGN(layouts_, LayoutService::open(config_, options_.run_dir));
-    COMRAD_TRY_ASSIGN(source_, make_batch_source({.config = config_,
-                                                  .arena = arena_,
-                                                  .stop = stop_,
-                                                  .poll = [this] { poll(); },
-                                                  .run_dir = options_.run_dir,
-                                                  .is_off_policy = algorithm_->off_policy() != nullptr,
-                                                  .device = device_,
-                                                  .ranks = ranks_}));
+    COMRAD_TRY_ASSIGN(source_,
+                      make_batch_source({.config = config_,
+                                         .arena = arena_,
+                                         .stop = stop_,
+                                         .poll = [this] { poll(); },
+                                         .run_dir = options_.run_dir,
+                                         .is_off_policy = algorithm_->off_policy() != nullptr,
+                                         .device = device_,
+                                         .ranks = ranks_,
+                                         .frames = algorithm_->on_policy() ? frames_.get() : nullptr}));
   }
   COMRAD_TRY(resume());
   COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
@@ -85,7 +90,7 @@ Status Learner::open() {
   control.rollouts_allowed = source_ ? source_->rollouts_allowed() : kUnlimited;
   shm::ring(control.slab_released);
   if (has_policy_threads_)
-    policies_ = std::make_unique<policy::PolicyThreads>(config_, arena_, local_weights_);
+    policies_ = std::make_unique<policy::PolicyThreads>(config_, arena_, local_weights_, frames_.get());
   counters.state = shm::WorkerState::kRunning;
   spdlog::info("learner: {} with {} parameters, version {}, {} env frames so far", config_.run.algo.name(),
                algorithm_->parameter_count(), algorithm_->version(), totals_.env_frames);
@@ -115,6 +120,21 @@ Status Learner::make_network() {
                                                    "learner and supervisor must read the same config.toml",
                                                    bytes, arena_.shape().weights_bytes)};
   return {};
+}
+
+void Learner::map_frames() {
+  if (!has_policy_threads_ || device::has_own_kernels(device_)) return;
+  const bool keeps_frames = algorithm_->on_policy() != nullptr;
+  auto frames = policy::SlabFrames::create(arena_, device_, keeps_frames);
+  if (!frames) {
+    spdlog::warn("learner: frames are copied on the host and go up twice: {}", frames.error().message);
+    return;
+  }
+  frames_ = std::move(*frames);
+  spdlog::info("learner: {} reads frames from shared memory{}", device_.str(),
+               keeps_frames ? fmt::format(" and keeps {} of them",
+                                          bytes_text(policy::SlabFrames::bytes_of(arena_.shape())))
+                            : "");
 }
 
 Status Learner::check_arena() const {

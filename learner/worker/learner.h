@@ -23,6 +23,7 @@
 #include "learner/sources/stop_signal.h"
 #include "learner/worker/checkpoint_keeper.h"
 #include "learner/worker/weights_publisher.h"
+#include "policy_workers/batching/slab_frames.h"
 #include "policy_workers/worker/policy_threads.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -65,6 +66,7 @@ class Learner {
   // Start.
   Status open();
   Status make_network();
+  void map_frames();
   Status check_arena() const;
   Status resume();
   /// `is_own`: a checkpoint of this run, rather than one of another's to begin from.
@@ -109,7 +111,9 @@ class Learner {
   std::unique_ptr<Algorithm> algorithm_;
   StateDict architecture_;                  // of the checkpoints
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
-  std::unique_ptr<BatchSource> source_;     ///< null: it only serves
+  /// Null where policy workers are processes, or a CPU has its own kernels, or the device has no room.
+  std::unique_ptr<policy::SlabFrames> frames_;
+  std::unique_ptr<BatchSource> source_;  ///< null: it only serves
   std::unique_ptr<WeightsPublisher> weights_;
   policy::LocalWeights local_weights_;               ///< of the policy threads
   std::unique_ptr<policy::PolicyThreads> policies_;  ///< null: none

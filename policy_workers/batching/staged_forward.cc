@@ -22,12 +22,14 @@ int64_t bucket_of(int64_t worlds) {
   return size;
 }
 
-StagedForward::StagedForward(const ActorCritic& policy, const shm::ArenaShape& shape, int packing_threads)
+StagedForward::StagedForward(const ActorCritic& policy, const shm::ArenaShape& shape, int packing_threads,
+                             SlabFrames* frames)
     : policy_(policy),
       env_(shape.trajectory.env),
       state_count_(shape.trajectory.recurrent_state_count),
       zero_row_(int64_t{shape.env_count()} * env_.num_agents),
       idle_row_(zero_row_ + 1),
+      frames_(frames),
       states_(torch::zeros({idle_row_ + 1, state_count_}, torch::TensorOptions().device(policy.device()))),
       held_(static_cast<size_t>(shape.env_count())),
       packers_(packing_threads) {}
@@ -38,18 +40,20 @@ StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
     return *made;
   const torch::Device device = policy_.device();
   const int64_t rows = size * env_.num_agents, measurements = rows * env_.measurement_count;
-  const int64_t at_measurement = aligned(rows * env_.frame_bytes()),
-                at_state = aligned(at_measurement + measurements * static_cast<int64_t>(sizeof(float))),
-                states = size * env_.global_state_count,
-                at_read = aligned(at_state + states * static_cast<int64_t>(sizeof(float))),
-                at_write = aligned(at_read + rows * static_cast<int64_t>(sizeof(int64_t))),
-                bytes = aligned(at_write + rows * static_cast<int64_t>(sizeof(int64_t)));
+  const int64_t states = size * env_.global_state_count;
+  const auto of_floats = [](int64_t count) { return aligned(count * static_cast<int64_t>(sizeof(float))); };
+  const int64_t of_rows = aligned(rows * static_cast<int64_t>(sizeof(int64_t)));
+  const int64_t at_measurement = frames_ == nullptr ? aligned(rows * env_.frame_bytes()) : 0,
+                at_state = at_measurement + of_floats(measurements), at_read = at_state + of_floats(states),
+                at_write = at_read + of_rows, at_from = at_write + of_rows, at_to = at_from + of_rows,
+                bytes = at_to + of_rows;
   Bucket bucket;
   bucket.worlds = size;
   bucket.staging = device::host_memory({bytes}, torch::kUInt8, device).zero_();
   bucket.there = bucket.staging.to(device);  // on a CPU the same memory
-  bucket.frame = bucket.there.narrow(0, 0, rows * env_.frame_bytes())
-                     .view({rows, env_.channels, env_.height, env_.width});
+  if (frames_ == nullptr)
+    bucket.frame = bucket.there.narrow(0, 0, rows * env_.frame_bytes())
+                       .view({rows, env_.channels, env_.height, env_.width});
   if (measurements > 0)
     bucket.measurement = numbers_at(bucket.there, at_measurement, measurements, torch::kFloat32)
                              .view({rows, env_.measurement_count});
@@ -58,6 +62,8 @@ StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
         numbers_at(bucket.there, at_state, states, torch::kFloat32).view({size, env_.global_state_count});
   bucket.read = numbers_at(bucket.there, at_read, rows, torch::kInt64);
   bucket.write = numbers_at(bucket.there, at_write, rows, torch::kInt64);
+  bucket.from = numbers_at(bucket.there, at_from, rows, torch::kInt64);
+  bucket.to = numbers_at(bucket.there, at_to, rows, torch::kInt64);
   const int64_t width = env_.logit_count() + 1 + state_count_;
   bucket.answer_there = torch::zeros({rows, width}, torch::TensorOptions().device(device));
   bucket.answer =
@@ -65,8 +71,7 @@ StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
   buckets_.push_back(std::move(bucket));
   Bucket& made = buckets_.back();
   // The recording reads and writes idle rows: nothing was packed yet.
-  numbers_at(made.staging, at_read, rows, torch::kInt64).fill_(zero_row_);
-  numbers_at(made.staging, at_write, rows, torch::kInt64).fill_(idle_row_);
+  pack({}, made);
   if (!device.is_cpu()) made.there.copy_(made.staging);
   // Buckets move when another is made; their tensors do not.
   (void)made.graph.record(device,
@@ -78,8 +83,9 @@ void StagedForward::forward(Bucket& bucket) {
   torch::NoGradGuard no_grad;
   const KeptFactors::Scope kept(factors_);
   const int64_t logits = env_.logit_count();
-  const PolicyOutput output = policy_.step(bucket.frame, bucket.measurement,
-                                           states_.index_select(0, bucket.read), bucket.global_state);
+  const Tensor frame = frames_ == nullptr ? bucket.frame : frames_->take(bucket.from, bucket.to);
+  const PolicyOutput output =
+      policy_.step(frame, bucket.measurement, states_.index_select(0, bucket.read), bucket.global_state);
   bucket.answer_there.narrow(1, 0, logits).copy_(output.logits);
   bucket.answer_there.select(1, logits).copy_(output.value.reshape({-1}));
   if (state_count_ == 0) return;
@@ -103,9 +109,11 @@ PolicyOutput StagedForward::step(const Batch& batch, StageClock* clock) {
     arrived.record(device::Stream::current(device));
     arrived.wait();
   }
-  for (const Request& request : batch.requests)
+  for (const Request& request : batch.requests) {
     if (request.kind == shm::RequestKind::kAct)
       held_[static_cast<size_t>(request.env_index)] = request.step_id + 1;
+    if (frames_ != nullptr) frames_->note_taken(request);
+  }
   const Tensor answer = bucket.answer.narrow(0, 0, batch.row_count());
   const int64_t logits = env_.logit_count();
   return {answer.narrow(1, 0, logits), answer.select(1, logits), answer.narrow(1, logits + 1, state_count_)};
@@ -136,29 +144,43 @@ void StagedForward::pack(const Batch& batch, Bucket& bucket) {
   const auto at = [&](const Tensor& field) {
     return bytes + (field.storage_offset() * static_cast<int64_t>(field.element_size()));
   };
+  if (frames_ == nullptr) pack_frames(batch, bytes);
+  if (batch.measurement.defined() && bucket.measurement.defined())
+    std::memcpy(at(bucket.measurement), batch.measurement.data_ptr<float>(), batch.measurement.nbytes());
+  if (batch.global_state.defined() && bucket.global_state.defined())
+    std::memcpy(at(bucket.global_state), batch.global_state.data_ptr<float>(), batch.global_state.nbytes());
+  const auto indices = [&](const Tensor& field, int64_t idle) {
+    auto* first = reinterpret_cast<int64_t*>(at(field));
+    std::fill_n(first, field.numel(), idle);
+    return first;
+  };
+  const SlabFrames::Place idle = frames_ != nullptr ? frames_->idle_place() : SlabFrames::Place();
+  int64_t* read = indices(bucket.read, zero_row_);
+  int64_t* write = indices(bucket.write, idle_row_);
+  int64_t* from = indices(bucket.from, idle.from);
+  int64_t* to = indices(bucket.to, idle.to);
+  for (const Request& request : batch.requests)
+    for (int agent = 0; agent < env_.num_agents; ++agent, ++read, ++write, ++from, ++to) {
+      const int64_t row = int64_t{request.env_index} * env_.num_agents + agent;
+      if (!request.reset_state) *read = row;
+      if (request.kind == shm::RequestKind::kAct) *write = row;
+      if (frames_ == nullptr) continue;
+      const SlabFrames::Place place = frames_->place_of(request, agent);
+      *from = place.from;
+      *to = place.to;
+    }
+}
+
+void StagedForward::pack_frames(const Batch& batch, uint8_t* to) {
   const auto frame_bytes = static_cast<size_t>(env_.frame_bytes());
   const auto pack_rows = [&](int64_t part) {
     const auto first = static_cast<size_t>(part * kRowsPackedAtATime);
     const size_t last = std::min(batch.frames.size(), first + static_cast<size_t>(kRowsPackedAtATime));
     for (size_t row = first; row < last; ++row)
-      std::memcpy(bytes + row * frame_bytes, batch.frames[row], frame_bytes);
+      std::memcpy(to + row * frame_bytes, batch.frames[row], frame_bytes);
   };
   packers_.run((batch.row_count() + kRowsPackedAtATime - 1) / kRowsPackedAtATime, pack_rows, nullptr);
-  if (batch.measurement.defined() && bucket.measurement.defined())
-    std::memcpy(at(bucket.measurement), batch.measurement.data_ptr<float>(), batch.measurement.nbytes());
-  if (batch.global_state.defined() && bucket.global_state.defined())
-    std::memcpy(at(bucket.global_state), batch.global_state.data_ptr<float>(), batch.global_state.nbytes());
   count_copied(batch.frames.size() * frame_bytes);
-  auto* read = reinterpret_cast<int64_t*>(at(bucket.read));
-  auto* write = reinterpret_cast<int64_t*>(at(bucket.write));
-  std::fill_n(read, bucket.read.numel(), zero_row_);
-  std::fill_n(write, bucket.write.numel(), idle_row_);
-  for (const Request& request : batch.requests)
-    for (int64_t agent = 0; agent < env_.num_agents; ++agent, ++read, ++write) {
-      const int64_t row = int64_t{request.env_index} * env_.num_agents + agent;
-      if (!request.reset_state) *read = row;
-      if (request.kind == shm::RequestKind::kAct) *write = row;
-    }
 }
 
 }  // namespace comrad::policy

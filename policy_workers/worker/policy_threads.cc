@@ -17,8 +17,9 @@
 
 namespace comrad::policy {
 
-PolicyThreads::PolicyThreads(const RunConfig& config, const shm::Arena& arena, const LocalWeights& weights)
-    : config_(config), arena_(arena), weights_(weights) {
+PolicyThreads::PolicyThreads(const RunConfig& config, const shm::Arena& arena, const LocalWeights& weights,
+                             SlabFrames* frames)
+    : config_(config), arena_(arena), weights_(weights), frames_(frames) {
   for (int index = 0; index < arena.shape().policy_worker_count; ++index)
     threads_.emplace_back([this, index] { work(index); });
 }
@@ -54,9 +55,10 @@ Status PolicyThreads::serve(int worker_index) const {
       static_cast<int>(config_.collection.policy_threads));  // this thread's; BLAS has the learner's
   COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config_, worker_index)));
   const device::StreamScope scope(device::Stream::beside(device, device::Priority::kHigh));
-  COMRAD_TRY_ASSIGN(
-      PolicyWorker worker,
-      PolicyWorker::create(config_, arena_, {.worker_index = worker_index, .learners_weights = &weights_}));
+  COMRAD_TRY_ASSIGN(PolicyWorker worker, PolicyWorker::create(config_, arena_,
+                                                              {.worker_index = worker_index,
+                                                               .learners_weights = &weights_,
+                                                               .learners_frames = frames_}));
   return worker.run(stop_);
 }
 

@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include "policy_workers/batching/slab_frames.h"
 #include "policy_workers/weights/local_weights.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -18,8 +19,9 @@ namespace comrad::policy {
 /// another packs. Threads: all functions may be called by any.
 class PolicyThreads {
  public:
-  /// All outlive it.
-  PolicyThreads(const RunConfig& config, const shm::Arena& arena, const LocalWeights& weights);
+  /// All outlive it; `frames` may be null.
+  PolicyThreads(const RunConfig& config, const shm::Arena& arena, const LocalWeights& weights,
+                SlabFrames* frames = nullptr);
   PolicyThreads(const PolicyThreads&) = delete;
   PolicyThreads& operator=(const PolicyThreads&) = delete;
   /// Stops them and waits for their batches.
@@ -35,6 +37,7 @@ class PolicyThreads {
   const RunConfig& config_;
   const shm::Arena& arena_;
   const LocalWeights& weights_;
+  SlabFrames* const frames_;
   std::atomic<bool> stop_{false};
   mutable std::mutex mutex_;
   Status failure_;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "policy_workers/device/choose_device.h"
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
@@ -83,8 +84,9 @@ PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& o
       seats_(std::move(seats)),
       batcher_(std::move(batcher)),
       weights_(arena, options.learners_weights) {
-  if (!seats_ && !options.is_random && (options.is_staged || !policy_.device().is_cpu()))
-    staged_ = std::make_unique<StagedForward>(policy_, arena.shape(), packing_threads(arena.shape()));
+  if (!seats_ && !options.is_random && !device::has_own_kernels(policy_.device()))
+    staged_ = std::make_unique<StagedForward>(policy_, arena.shape(), packing_threads(arena.shape()),
+                                              options.learners_frames);
 }
 
 Status PolicyWorker::run(const std::atomic<bool>& stop) {

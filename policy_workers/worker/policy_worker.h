@@ -29,10 +29,10 @@ struct PolicyWorkerOptions {
   std::string seats_of = {};
   /// The same episodes on every start: batches are whole splits, and draws are keyed by the episode alone.
   bool is_evaluation = false;
-  /// On a CPU, too, batches go by way of StagedForward, as they do on a GPU: for tests of that way.
-  bool is_staged = false;
   /// Of the learner in whose process this is a thread: the process's time and the arena's weights are not its own. Null: a process.
   const LocalWeights* learners_weights = nullptr;
+  /// And where the frames that it acts on are kept for the learner; null: nowhere.
+  SlabFrames* learners_frames = nullptr;
 };
 
 /// Joined to one run.
@@ -61,7 +61,7 @@ class PolicyWorker {
   PolicyWorkerOptions options_;
   ActorCritic policy_;  // empty when is_random, and where seats play
   std::optional<SeatNetworks> seats_;
-  std::unique_ptr<StagedForward> staged_;  // null on a CPU
+  std::unique_ptr<StagedForward> staged_;  // null where a CPU has its own kernels
   Batcher batcher_;
   WeightsReceiver weights_;
   StageClock stage_;

@@ -9,8 +9,10 @@
 // the state words, and the supervisor gives a dead owner's slabs and slots back with reclaim_*().
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/shm/arena_shape.h"
@@ -51,6 +53,10 @@ class Arena {
   const ArenaShape& shape() const;
   uint64_t run_id() const;
   int descriptor() const { return segment_.descriptor(); }
+  /// The whole segment, page-aligned.
+  std::span<std::byte> bytes() const {
+    return {segment_.data(), static_cast<std::size_t>(segment_.size_bytes())};
+  }
   ControlBlock& control() const;
   WorkerCounters& sim_counters(int sim_worker) const;
   WorkerCounters& policy_counters(int policy_worker) const;

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "learner/sources/batch_queue.h"
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/network/actor_critic.h"
 #include "rollout_buffer/core/process.h"
@@ -224,10 +225,9 @@ class LearnerTest : public ::testing::Test {
     std::optional<StopAtBatches> stop_at_batches;
     if (stop_at_batches_ > 0) stop_at_batches.emplace(observer, stop_at_batches_, stop_);
     std::thread stopper;
-    if (stop_at_version_ > 0)
+    if (stop_when_)
       stopper = std::thread([&] {
-        while (observer.control().policy_version.load() < stop_at_version_)
-          std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        EXPECT_TRUE(test::wait_until([&] { return stop_when_(observer); }));
         stop_ = true;
       });
     outcome.status = (*learner)->run();
@@ -272,7 +272,7 @@ class LearnerTest : public ::testing::Test {
   bool simulator_is_sound_ = true;
   uint64_t stop_at_batches_ =
       0;  ///< raise stop_ after so many optimizer steps, and wait for no rollout; 0: never
-  PolicyVersion stop_at_version_ = 0;  ///< raise stop_ when this version is published; 0: never
+  std::function<bool(const shm::Arena&)> stop_when_;  ///< raise stop_ then; empty: never
 };
 
 TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
@@ -310,6 +310,20 @@ TEST_F(LearnerTest, WhosePolicyWorkersAreThreadsLeavesTheArenasWeightsToOtherHos
     ASSERT_TRUE(outcome.status) << outcome.status.error().message;
     EXPECT_EQ(outcome.published, 5u);
   }
+}
+
+TEST_F(LearnerTest, WhoseFramesAreReadFromTheArenaLearnsTheSame) {
+  const device::OperatorPath as_on_a_gpu;
+  RunConfig config = small_config();
+  config.collection.deterministic = true;
+  config.run.train_for_env_frames = 3 * kFramesPerRollout;
+  const Outcome copied = live(config, "copied");
+  config.collection.policy_processes =
+      false;  // no request comes: every frame is one that the threads have not seen
+  const Outcome read = live(config, "read");
+  ASSERT_TRUE(copied.status) << copied.status.error().message;
+  ASSERT_TRUE(read.status) << read.status.error().message;
+  EXPECT_TRUE(read.weights == copied.weights);
 }
 
 TEST_F(LearnerTest, TrainingThatCannotLearnIsBadInputAndLeavesNoCheckpoint) {
@@ -604,7 +618,12 @@ TEST_F(LearnerTest, ReportsUnderTheNamesThatDashboardsKnowAndTheDocumentExplains
     config.network.critic_hidden_sizes = "16,8";
     if (!is_on_policy) config.q_learning.q_reset_every_updates = 4;
     config.run.experiment_summaries_interval = 1e-3;
-    config.run.train_for_env_frames = 20 * 16 * 4;
+    // Rates need two reports beside the last one.
+    stop_when_ = [metrics = (folder_ / algo / "metrics.jsonl").string()](const shm::Arena& arena) {
+      return arena.control().learner_env_frames >= 20 * 16 * 4 &&
+             std::ranges::count(read_file(metrics).value_or(""), '\n') >= 2;
+    };
+    stop_ = false;
     const Outcome outcome = live(config, algo);
     ASSERT_TRUE(outcome.status) << outcome.status.error().message;
 
@@ -757,7 +776,7 @@ TEST_F(LearnerTest, RefusesADeterministicResumeWithAnotherNumberOfEnvironments) 
 TEST_F(LearnerTest, AStopEndsTheRunAndSaves) {
   RunConfig config = small_config();
   config.run.train_for_env_frames = 1e12;
-  stop_at_version_ = 3;
+  stop_when_ = [](const shm::Arena& arena) { return arena.control().policy_version.load() >= 3; };
   const Outcome outcome = live(config, "run");
   ASSERT_TRUE(outcome.status);
   EXPECT_GE(outcome.version, 3u);

@@ -10,6 +10,7 @@
 #include <thread>
 #include <tuple>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
@@ -124,7 +125,8 @@ TEST(PolicyWorker, AStagedWorkerAnswersAsTheNetworkDoes) {
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   publish(arena, learner, 3);
   FakeSplit split(arena, 0, 0);
-  RunningWorker worker(small_config(), arena, {.is_staged = true});
+  const device::OperatorPath as_on_a_gpu;
+  RunningWorker worker(small_config(), arena, {});
   Tensor state = torch::zeros({1, 16});
   for (int step = 0; step < 3; ++step) {
     split.commit_act(step == 0);
