@@ -110,7 +110,7 @@ fi
 export COMRAD_TEST_DEVICE="${device}"
 GTEST_OUTPUT="json:${out}/parts/parity.json" part parity one_test device_parity_test || true
 if ((!dry && !quick)); then
-  for name in policy_test batcher_test batch_test; do part "${name}" one_test "${name}" || true; done
+  for name in policy_test batcher_test batch_test collate_slabs_test; do part "${name}" one_test "${name}" || true; done
 fi
 if ((!built && !quick)); then
   part unit_policy_workers unit_tests policy_workers || true

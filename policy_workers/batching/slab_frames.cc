@@ -32,16 +32,19 @@ int64_t SlabFrames::bytes_of(const shm::ArenaShape& shape) {
          trajectory.env.frame_bytes();
 }
 
+Status SlabFrames::check_room(const shm::ArenaShape& shape, int64_t device_bytes) {
+  const int64_t share = device_bytes / kShareOfDevice;
+  if (bytes_of(shape) <= share) return {};
+  return Error{ErrorCode::kNoSpace,
+               fmt::format("the frames of {} trajectory slabs take {}, and a quarter of the GPU is {}; "
+                           "lower --trajectory_slabs",
+                           shape.slab_count, bytes_text(bytes_of(shape)), bytes_text(share))};
+}
+
 Expected<std::unique_ptr<SlabFrames>> SlabFrames::create(const shm::Arena& arena, torch::Device device,
                                                          bool keeps_frames) {
-  const int64_t needed = keeps_frames ? bytes_of(arena.shape()) : 0;
-  const int64_t share = device::memory_of(device).total_bytes / kShareOfDevice;
-  if (!device.is_cpu() && needed > share)
-    return Error{
-        ErrorCode::kNoSpace,
-        fmt::format("the frames of {} trajectory slabs take {}, more than a quarter of the GPU ({}); "
-                    "lower --trajectory_slabs",
-                    arena.shape().slab_count, bytes_text(needed), bytes_text(share))};
+  if (keeps_frames && !device.is_cpu())
+    COMRAD_TRY(check_room(arena.shape(), device::memory_of(device).total_bytes));
   COMRAD_TRY_ASSIGN(device::MappedMemory memory, device::MappedMemory::create(arena.bytes(), device));
   return std::unique_ptr<SlabFrames>(new SlabFrames(arena, std::move(memory), keeps_frames));
 }

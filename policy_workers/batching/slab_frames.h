@@ -23,8 +23,10 @@ class SlabFrames {
  public:
   /// Bytes that the copies of an arena's slabs take.
   static int64_t bytes_of(const shm::ArenaShape& shape);
+  /// Whether they are a quarter of a device's memory or less. Errors: kNoSpace with both numbers and the setting to lower.
+  static Status check_room(const shm::ArenaShape& shape, int64_t device_bytes);
   /// The arena outlives it. `keeps_frames` off: frames are read from the arena, and not kept (a replay has its own memory).
-  /// Errors: kNoSpace where the copies would take more than a quarter of the device's memory; those of MappedMemory.
+  /// Errors: those of check_room(), and of MappedMemory.
   static Expected<std::unique_ptr<SlabFrames>> create(const shm::Arena& arena, torch::Device device,
                                                       bool keeps_frames);
 

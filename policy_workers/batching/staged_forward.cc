@@ -2,16 +2,15 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
+#include "policy_workers/device/tensor_layout.h"
 #include "policy_workers/device/torch_ops.h"
 
 namespace comrad::policy {
 namespace {
 
 constexpr int64_t kRowsPackedAtATime = 32;  // 0.9 MB, some 0.1 ms of one core: worth waking another one
-
-using device::aligned;
-using device::numbers_at;
 
 }  // namespace
 
@@ -39,31 +38,23 @@ StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
   if (const auto made = std::ranges::find(buckets_, size, &Bucket::worlds); made != buckets_.end())
     return *made;
   const torch::Device device = policy_.device();
-  const int64_t rows = size * env_.num_agents, measurements = rows * env_.measurement_count;
-  const int64_t states = size * env_.global_state_count;
-  const auto of_floats = [](int64_t count) { return aligned(count * static_cast<int64_t>(sizeof(float))); };
-  const int64_t of_rows = aligned(rows * static_cast<int64_t>(sizeof(int64_t)));
-  const int64_t at_measurement = frames_ == nullptr ? aligned(rows * env_.frame_bytes()) : 0,
-                at_state = at_measurement + of_floats(measurements), at_read = at_state + of_floats(states),
-                at_write = at_read + of_rows, at_from = at_write + of_rows, at_to = at_from + of_rows,
-                bytes = at_to + of_rows;
+  const int64_t rows = size * env_.num_agents;
+  device::TensorLayout layout;
+  std::vector<std::pair<Tensor Bucket::*, std::size_t>> fields;
+  const auto add = [&](Tensor Bucket::*field, at::IntArrayRef sizes, torch::ScalarType type) {
+    fields.emplace_back(field, layout.add(sizes, type));
+  };
+  if (frames_ == nullptr) add(&Bucket::frame, {rows, env_.channels, env_.height, env_.width}, torch::kUInt8);
+  if (env_.measurement_count > 0) add(&Bucket::measurement, {rows, env_.measurement_count}, torch::kFloat32);
+  if (env_.global_state_count > 0)
+    add(&Bucket::global_state, {size, env_.global_state_count}, torch::kFloat32);
+  for (Tensor Bucket::*field : {&Bucket::read, &Bucket::write, &Bucket::from, &Bucket::to})
+    add(field, {rows}, torch::kInt64);
   Bucket bucket;
   bucket.worlds = size;
-  bucket.staging = device::host_memory({bytes}, torch::kUInt8, device).zero_();
+  bucket.staging = device::host_memory({layout.bytes()}, torch::kUInt8, device).zero_();
   bucket.there = bucket.staging.to(device);  // on a CPU the same memory
-  if (frames_ == nullptr)
-    bucket.frame = bucket.there.narrow(0, 0, rows * env_.frame_bytes())
-                       .view({rows, env_.channels, env_.height, env_.width});
-  if (measurements > 0)
-    bucket.measurement = numbers_at(bucket.there, at_measurement, measurements, torch::kFloat32)
-                             .view({rows, env_.measurement_count});
-  if (states > 0)
-    bucket.global_state =
-        numbers_at(bucket.there, at_state, states, torch::kFloat32).view({size, env_.global_state_count});
-  bucket.read = numbers_at(bucket.there, at_read, rows, torch::kInt64);
-  bucket.write = numbers_at(bucket.there, at_write, rows, torch::kInt64);
-  bucket.from = numbers_at(bucket.there, at_from, rows, torch::kInt64);
-  bucket.to = numbers_at(bucket.there, at_to, rows, torch::kInt64);
+  for (const auto& [field, index] : fields) bucket.*field = layout.view(bucket.there, index);
   const int64_t width = env_.logit_count() + 1 + state_count_;
   bucket.answer_there = torch::zeros({rows, width}, torch::TensorOptions().device(device));
   bucket.answer =
@@ -144,7 +135,7 @@ void StagedForward::pack(const Batch& batch, Bucket& bucket) {
   const auto at = [&](const Tensor& field) {
     return bytes + (field.storage_offset() * static_cast<int64_t>(field.element_size()));
   };
-  if (frames_ == nullptr) pack_frames(batch, bytes);
+  if (frames_ == nullptr) pack_frames(batch, at(bucket.frame));
   if (batch.measurement.defined() && bucket.measurement.defined())
     std::memcpy(at(bucket.measurement), batch.measurement.data_ptr<float>(), batch.measurement.nbytes());
   if (batch.global_state.defined() && bucket.global_state.defined())

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "policy_workers/device/operator_path.h"
+#include "policy_workers/device/tensor_layout.h"
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 
@@ -219,15 +220,11 @@ Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device 
   return torch::empty(sizes, torch::TensorOptions(type).pinned_memory(!device.is_cpu()));
 }
 
-int64_t aligned(int64_t bytes) {
-  constexpr int64_t kAlignmentBytes = 64;
-  return (bytes + kAlignmentBytes - 1) / kAlignmentBytes * kAlignmentBytes;
-}
-
 void move_together(std::span<Tensor* const> tensors, torch::Device device) {
   if (has_own_kernels(device)) return;
+  const torch::NoGradGuard no_grad;
   std::vector<Tensor*> moving;
-  std::vector<int64_t> places = {0};
+  TensorLayout layout;
   for (Tensor* tensor : tensors) {
     if (!tensor->defined() || (!device.is_cpu() && !tensor->is_cpu())) continue;
     if (!device.is_cpu() && tensor->is_pinned()) {
@@ -235,28 +232,18 @@ void move_together(std::span<Tensor* const> tensors, torch::Device device) {
       continue;
     }
     moving.push_back(tensor);
-    places.push_back(aligned(places.back() + static_cast<int64_t>(tensor->nbytes())));
+    layout.add(tensor->sizes(), tensor->scalar_type());
   }
   if (moving.empty()) return;
-  const torch::NoGradGuard no_grad;
-  const auto at = [&](const Tensor& bytes, std::size_t i) {
-    return numbers_at(bytes, places[i], moving[i]->numel(), moving[i]->scalar_type())
-        .view(moving[i]->sizes());
-  };
-  const Tensor here = host_memory({places.back()}, torch::kUInt8, device);
-  for (std::size_t i = 0; i < moving.size(); ++i) at(here, i).copy_(*moving[i]);
+  const Tensor here = host_memory({layout.bytes()}, torch::kUInt8, device);
+  for (std::size_t i = 0; i < moving.size(); ++i) layout.view(here, i).copy_(*moving[i]);
   const Tensor there = here.to(device, /*non_blocking=*/true);
-  for (std::size_t i = 0; i < moving.size(); ++i) *moving[i] = at(there, i);
+  for (std::size_t i = 0; i < moving.size(); ++i) *moving[i] = layout.view(there, i);
 }
 
 Tensor moved(Tensor tensor, torch::Device device) {
   move_together(std::array{&tensor}, device);
   return tensor;
-}
-
-Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type) {
-  const auto size = static_cast<int64_t>(c10::elementSize(type));
-  return bytes.narrow(0, offset, count * size).view(type);
 }
 
 }  // namespace comrad::device

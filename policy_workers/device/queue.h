@@ -71,11 +71,6 @@ class Event {
 /// Memory of the host. For a GPU it is pinned: copies from and to it continue beside the host's work.
 Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device device);
 
-/// The next offset at or behind `bytes` at which numbers of any type may lie, where several tensors share one memory.
-int64_t aligned(int64_t bytes);
-/// `count` numbers of `type` at an aligned `offset` of u8 [B].
-Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type);
-
 /// Moves tensors of the host to `device`, all in one copy out of pinned memory: a copy out of other memory waits until the device has
 /// done what is in its queue. What is undefined, or lies there already, stays as it is, as does everything on a CPU.
 void move_together(std::span<Tensor* const> tensors, torch::Device device);

@@ -12,8 +12,8 @@
 
 namespace comrad::device {
 
-/// Copies `bytes`, u8 [B] on their device, into `tensors`, each from the next aligned place. As many as they have.
-void copy_aligned(const Tensor& bytes, const std::vector<Tensor>& tensors);
+/// Copies `bytes`, u8 [B] on their device, laid out as `tensors` are, into these (tensor_layout.h).
+void copy_laid_out(const Tensor& bytes, const std::vector<Tensor>& tensors);
 
 /// Its memory is used again by the next put(). Threads: one.
 class Upload {

@@ -1,5 +1,6 @@
 #include "policy_workers/weights/local_weights.h"
 
+#include "policy_workers/device/tensor_layout.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/device/upload.h"
 #include "rollout_buffer/core/check.h"
@@ -46,7 +47,7 @@ PolicyVersion LocalWeights::read(const std::vector<torch::Tensor>& tensors) cons
   const std::lock_guard lock(buffer.mutex);  // it may hold a newer version by now
   const device::Stream stream = device::Stream::current(tensors.front().device());
   stream.wait_for(buffer.written);
-  device::copy_aligned(buffer.bytes, tensors);
+  device::copy_laid_out(buffer.bytes, tensors);
   for (const torch::Tensor& tensor : tensors) count_copied(tensor.nbytes());
   device::Event done;
   done.record(stream);

@@ -147,6 +147,17 @@ TEST(CollateSlabs, BehindTheEndOfASlabThatWasSealedEarlyThereIsNoPicture) {
   EXPECT_EQ(went_up[2][(3 - 1) * 2].max().item<int>(), 0);
 }
 
+TEST(CollateSlabs, FramesTakeAQuarterOfADeviceAtMost) {
+  const shm::ArenaShape shape = policy::make_arena(policy::small_network(), {}).shape();
+  const int64_t needed = SlabFrames::bytes_of(shape);
+  EXPECT_EQ(needed, 8 * 4 * 2 * 3 * 40 * 44) << "slabs, steps, agents, frames";
+  EXPECT_TRUE(SlabFrames::check_room(shape, 4 * needed));
+  const Status status = SlabFrames::check_room(shape, 4 * needed - 4);
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, ErrorCode::kNoSpace);
+  EXPECT_NE(status.error().message.find("--trajectory_slabs"), std::string::npos) << status.error().message;
+}
+
 TEST(CollateSlabs, TheHostCopiesNoFrame) {
   const test::ScratchFolder folder;
   ASSERT_TRUE(share_stages(folder.string(), "counters"));
