@@ -35,11 +35,35 @@ class OperatorCount {
   };
   static bool starts_a_kernel(const at::RecordFunction& function) {
     static const std::set<std::string_view> kNames = {
-        "aten::add",         "aten::add_",     "aten::addcmul",      "aten::addcmul_", "aten::addmm",
-        "aten::cat",         "aten::clamp",    "aten::clamp_",       "aten::copy_",    "aten::convolution",
-        "aten::div",         "aten::elu",      "aten::elu_",         "aten::fill_",    "aten::mm",
-        "aten::index_copy_", "aten::mul",      "aten::index_select", "aten::mul_",     "aten::pow",
-        "aten::sub",         "aten::sigmoid_", "aten::sum",          "aten::tanh_",    "aten::zero_"};
+        "aten::_log_softmax", "aten::_log_softmax_backward_data",
+        "aten::abs",          "aten::add",
+        "aten::add_",         "aten::addcmul",
+        "aten::addcmul_",     "aten::addmm",
+        "aten::bitwise_or",   "aten::cat",
+        "aten::clamp",        "aten::clamp_",
+        "aten::clamp_max",    "aten::clamp_min",
+        "aten::convolution",  "aten::convolution_backward",
+        "aten::copy_",        "aten::div",
+        "aten::div_",         "aten::elu",
+        "aten::elu_",         "aten::elu_backward",
+        "aten::eq",           "aten::exp",
+        "aten::fill_",        "aten::gather",
+        "aten::ge",           "aten::gt",
+        "aten::index_copy_",  "aten::index_select",
+        "aten::le",           "aten::lerp_",
+        "aten::logical_and",  "aten::logical_and_",
+        "aten::lt",           "aten::masked_fill_",
+        "aten::max",          "aten::maximum",
+        "aten::min",          "aten::minimum",
+        "aten::mm",           "aten::mul",
+        "aten::mul_",         "aten::ne",
+        "aten::neg",          "aten::norm",
+        "aten::pow",          "aten::reciprocal",
+        "aten::rsqrt",        "aten::scatter_add_",
+        "aten::sigmoid_",     "aten::sqrt",
+        "aten::sub",          "aten::sub_",
+        "aten::sum",          "aten::tanh_",
+        "aten::where",        "aten::zero_"};
     return kNames.contains(function.name());
   }
   template <typename Values>

@@ -10,10 +10,13 @@
 #include <utility>
 #include <vector>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/network/action_heads.h"
+#include "rollout_buffer/core/cpu_features.h"
 #include "rollout_buffer/core/rng.h"
 #include "tests/support/noise_batch.h"
+#include "tests/support/operator_count.h"
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
@@ -866,6 +869,37 @@ TEST(Ippo, Bf16LossesAgreeWithFp32) {
     EXPECT_NE(terms[0]["policy_loss"], terms[1]["policy_loss"]) << algo;
     EXPECT_LT(largest_relative_difference(results[0], results[1]), 0.03) << algo;
   }
+}
+
+// What a GPU is given by an update of one optimizer step, but for the recurrent core, whose cell is fused there. It is as many for
+// any number of rows and steps.
+TEST(Ippo, AnUpdateStartsABoundedNumberOfKernels) {
+  if (!cpu_multiplies_bf16())
+    GTEST_SKIP() << "this processor has no bf16 products, so factors are rounded back";
+  RunConfig config = small_config();
+  config.network.encoder = "impala";
+  config.network.use_rnn = false;
+  config.network.normalize_input = true;
+  config.collection.precision = Precision::kBf16;
+  config.collection.learner_threads = 1;
+  const TrajectoryShape shape = small_shape(config);
+  const device::OperatorPath as_on_a_device;
+  const auto algorithm = *make_algorithm(config, shape.env, torch::kCPU);
+  UpdateContext context;
+  context.reports = false;
+  int64_t kernels[2] = {}, bytes[2] = {};
+  for (const int slabs : {4, 8}) {
+    RolloutBatch first = noise_batch(shape, slabs, 1), batch = noise_batch(shape, slabs, 2);
+    (void)*algorithm->on_policy()->update(first, context);  // what is made once is made
+    const test::OperatorCount count;
+    const UpdateStats stats = *algorithm->on_policy()->update(batch, context);
+    EXPECT_EQ(stats.optimizer_steps, 1);
+    kernels[slabs / 8] = count.kernels();
+    bytes[slabs / 8] = count.bytes();
+  }
+  EXPECT_EQ(kernels[0], kernels[1]);
+  EXPECT_LE(kernels[0], 640);
+  EXPECT_LE((bytes[1] - bytes[0]) / (4 * kAgents * shape.rollout_steps), 312'000) << "bytes of a decision";
 }
 
 }  // namespace ippo_test
