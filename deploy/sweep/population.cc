@@ -118,7 +118,8 @@ Status copy_files(const std::string& source, const std::string& target, Passes&&
 
 Generation next_generation(const SweepSearch& search, const std::vector<Member>& members, std::size_t index) {
   const std::vector<Generation>& own = members[index].generations;
-  Rng rng(RngKey(static_cast<uint64_t>(search.seed)).split(index).split(own.size()));
+  // By name, so that each population of a sweep draws its own numbers.
+  Rng rng(RngKey(static_cast<uint64_t>(search.seed)).split(members[index].name).split(own.size()));
   if (own.empty()) {
     Generation first;
     for (const SearchedSetting& searched : search.space)

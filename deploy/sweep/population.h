@@ -37,8 +37,7 @@ struct Member {
 
 /// What member `index` does next; its last generation is over, or it has none. A member in the bottom quantile of the scores
 /// of its generation takes checkpoint and settings of one in the top quantile, and changes the settings: each is drawn anew
-/// with a probability, else a number is multiplied by one of the factors. Depends on seed, index and count of generations alone
-/// beside the members. Pure.
+/// with a probability, else a number is multiplied by one of the factors. Depends on the seed and the members alone. Pure.
 Generation next_generation(const SweepSearch& search, const std::vector<Member>& members, std::size_t index);
 
 /// The members of the run's study, in the order of their numbers. One whose file cannot be used counts as one that has done

@@ -54,10 +54,12 @@ TEST(NextGeneration, TheFirstIsDrawnFromTheWholeSpaceAndIsTheSameAgain) {
   std::set<std::string> epochs, losses;
   int low_rates = 0;
   for (search.seed = 0; search.seed < 200; ++search.seed) {
-    const std::vector<Member> members(4);
-    const Generation first = next_generation(search, members, 2);
-    EXPECT_EQ(first.settings, next_generation(search, members, 2).settings);
-    EXPECT_NE(first.settings, next_generation(search, members, 3).settings);
+    const std::vector<Member> members = {
+        {"seed7_member_1", {}}, {"seed7_member_2", {}}, {"seed8_member_2", {}}};
+    const Generation first = next_generation(search, members, 1);
+    EXPECT_EQ(first.settings, next_generation(search, members, 1).settings);
+    EXPECT_NE(first.settings, next_generation(search, members, 0).settings);
+    EXPECT_NE(first.settings, next_generation(search, members, 2).settings) << "another population";
     EXPECT_TRUE(check_in_space(search, first.settings, "it"));
     EXPECT_TRUE(first.parent.empty());
     epochs.insert(value_in(first, "num_epochs"));
