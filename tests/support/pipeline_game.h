@@ -11,6 +11,7 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -170,13 +171,17 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
       games, of_workers,
       {.rules = {.seed = static_cast<uint64_t>(config.run.seed), .rewards = sim::RewardRules::from(config)}});
   EXPECT_TRUE(simulator) << simulator.error().message;
-  auto policy_worker = policy::PolicyWorker::create(config, of_workers, {});
-  EXPECT_TRUE(policy_worker) << policy_worker.error().message;
+  std::optional<policy::PolicyWorker> policy_worker;  // else the learner has threads of them
+  if (config.collection.policy_processes) {
+    auto made = policy::PolicyWorker::create(config, of_workers, {});
+    EXPECT_TRUE(made) << made.error().message;
+    policy_worker = *std::move(made);
+  }
   TrainedGame trained;
   std::thread simulates([&] { EXPECT_TRUE((*simulator)->run(stop)); });
   std::thread answers([&] {
     device::tune_math(1);
-    EXPECT_TRUE(policy_worker->run(stop));
+    EXPECT_TRUE(!policy_worker || policy_worker->run(stop));
   });
   std::thread drains([&] {  // as the supervisor does
     std::deque<double> window;

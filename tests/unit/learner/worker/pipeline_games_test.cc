@@ -10,6 +10,7 @@
 
 #include "learner/algorithms/on_policy.h"
 #include "learner/algorithms/q_learning.h"
+#include "policy_workers/device/operator_path.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "tests/support/pipeline_game.h"
 
@@ -155,6 +156,32 @@ double value_of_paying_game(bool ends_by_time) {
 TEST(PayingGame, ATimeOutIsNoEnd) { EXPECT_NEAR(value_of_paying_game(true), 1 / (1 - 0.9), 0.5); }
 // All five steps look alike, so a fifth of all values has no future: Q = 1 + 0.9 * 0.8 Q.
 TEST(PayingGameLong, AnEndIsAnEnd) { EXPECT_NEAR(value_of_paying_game(false), 1 / (1 - 0.72), 0.4); }
+
+/// Pays each agent that chooses what the picture shows; one decision an episode.
+class ShownGame : public PipelineGame {
+ protected:
+  void begin(uint64_t episode_seed) override { state_ = static_cast<int>(mix64(episode_seed) % 2); }
+  void play(std::span<const int32_t> action) override {
+    for (std::size_t agent = 0; agent < 2; ++agent)
+      last_.reward[agent] = action[agent] == state_ ? 1.0f : 0.0f;
+    last_.terminated = true;
+  }
+};
+
+// As on a GPU that learner and policy threads share: what is learned from are the frames that were acted on.
+TEST(ShownGame, IsLearnedFromFramesThatWentUpOnce) {
+  const device::OperatorPath as_on_a_gpu;
+  RunConfig config = test::pipeline_game_config("ippo");
+  config.collection.policy_processes = false;
+  config.collection.policy_workers = 1;
+  config.collection.rollout = 8;
+  config.optimisation.batch_size = 256;
+  config.optimisation.learning_rate = 1e-3;
+  config.run.train_for_env_frames = 4 * 30'000;
+  EXPECT_TRUE(resolve_settings(config, 2));
+  EXPECT_GE(test::train_game(config, [] { return std::make_unique<ShownGame>(); }, {.score = 1.9}).best_score,
+            1.9);
+}
 
 RunConfig hidden_config(const std::string& algo, CriticState state) {
   RunConfig config = test::pipeline_game_config(algo);
