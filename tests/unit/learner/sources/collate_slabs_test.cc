@@ -30,9 +30,9 @@ using policy::StagedForward;
 /// Both splits of an arena of four environments, and a policy worker that reads frames where they lie.
 class Played {
  public:
-  explicit Played(const NetworkOptions& options)
+  explicit Played(const NetworkOptions& options, bool keeps_frames = true)
       : arena(policy::make_arena(options, {})),
-        frames(*SlabFrames::create(arena, test::test_device(), /*keeps_frames=*/true)),
+        frames(*SlabFrames::create(arena, test::test_device(), keeps_frames)),
         plain_(ActorCritic::create(options, 3, torch::kCPU)),
         there_(ActorCritic::create(options, 3, test::test_device())),
         batcher_(*Batcher::create(arena, {.seed = 42})),
@@ -145,6 +145,11 @@ TEST(CollateSlabs, BehindTheEndOfASlabThatWasSealedEarlyThereIsNoPicture) {
   const Tensor went_up = played.drained(/*from_device=*/true);
   EXPECT_TRUE(torch::equal(went_up, of_slabs));
   EXPECT_EQ(went_up[2][(3 - 1) * 2].max().item<int>(), 0);
+}
+
+TEST(CollateSlabs, OfValueMethodsFramesAreReadFromTheArenaAndNotKept) {
+  Played played(policy::small_network(), /*keeps_frames=*/false);
+  played.play();  // every answer is compared
 }
 
 TEST(CollateSlabs, FramesTakeAQuarterOfADeviceAtMost) {
