@@ -11,8 +11,8 @@ int64_t collate_slabs(RolloutBatch& batch, const std::vector<PlacedSlab>& slabs,
     const device::Stream copies = device::Stream::beside(device);
     const device::StreamScope scope(copies);
     for (const PlacedSlab& slab : slabs)
-      (void)frames->copy_slab(batch.frame_there, slab.position, slab.slab_index,
-                              arena.slabs().header(static_cast<int>(slab.slab_index)).length);
+      frames->copy_slab(batch.frame_there, slab.position, slab.slab_index,
+                        arena.slabs().header(static_cast<int>(slab.slab_index)).length);
     batch.frame_arrived.record(copies);
     batch.is_frame_there = true;
   }

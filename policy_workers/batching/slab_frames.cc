@@ -96,7 +96,7 @@ void SlabFrames::note_taken(const Request& request) {
       rollout_of(request.slab_index);
 }
 
-bool SlabFrames::copy_slab(const Tensor& frame, int64_t position, uint32_t slab_index,
+void SlabFrames::copy_slab(const Tensor& frame, int64_t position, uint32_t slab_index,
                            uint32_t length) const {
   const torch::NoGradGuard no_grad;
   COMRAD_CHECK(copies_.defined(), "frames are kept");
@@ -118,7 +118,6 @@ bool SlabFrames::copy_slab(const Tensor& frame, int64_t position, uint32_t slab_
                      .view({steps_, agents, words_of_frame_});
   rows.narrow(0, 0, filled).copy_(all.narrow(0, 0, filled));
   if (filled < steps_) rows.narrow(0, filled, steps_ - filled).zero_();
-  return is_there;
 }
 
 }  // namespace comrad::policy

@@ -47,8 +47,8 @@ class SlabFrames {
   // Drain.
   /// Launches the copy of a sealed slab's frames into rows [position * N, (position + 1) * N) of `frame`, u8 [T, R, C, H, W] on the
   /// device, zeros from step `length` on: those that are there, else those in the arena (of a rollout that began before this
-  /// process, or that another host played). Returns whether all were there.
-  bool copy_slab(const Tensor& frame, int64_t position, uint32_t slab_index, uint32_t length) const;
+  /// process, or that another host played).
+  void copy_slab(const Tensor& frame, int64_t position, uint32_t slab_index, uint32_t length) const;
 
  private:
   /// Whose frame is in a place.
