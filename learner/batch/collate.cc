@@ -121,11 +121,11 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
 
   int64_t broken_count = 0;
   for (int t = 0; t < steps; ++t) {
+    uint8_t* frames_of_step = frame != nullptr ? frame + (t * rows + first) * frame_bytes : nullptr;
     float* state_of_step = states > 0 ? global_state + (t * batch.slab_count + position) * states : nullptr;
     if (t >= filled) {  // padding
-      if (frame != nullptr)
-        std::memset(frame + (t * rows + first) * frame_bytes, 0,
-                    static_cast<std::size_t>(agents * frame_bytes));
+      if (frames_of_step != nullptr)
+        std::memset(frames_of_step, 0, static_cast<std::size_t>(agents * frame_bytes));
       if (states > 0) std::fill_n(state_of_step, states, 0.0f);
       for (int64_t at = t * rows + first; at < t * rows + first + agents; ++at) {
         if (measurement != nullptr) std::fill_n(measurement + at * measurements, measurements, 0.0f);
@@ -143,9 +143,9 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
       }
       continue;
     }
-    if (frame != nullptr) {
+    if (frames_of_step != nullptr) {
       const auto frames = slab.frames(t);
-      std::memcpy(frame + (t * rows + first) * frame_bytes, frames.data(), frames.size_bytes());
+      std::memcpy(frames_of_step, frames.data(), frames.size_bytes());
       count_copied(frames.size_bytes());
     }
     const StepEnd end = take_end(slab, t);

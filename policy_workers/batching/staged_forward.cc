@@ -48,8 +48,12 @@ StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
   if (env_.measurement_count > 0) add(&Bucket::measurement, {rows, env_.measurement_count}, torch::kFloat32);
   if (env_.global_state_count > 0)
     add(&Bucket::global_state, {size, env_.global_state_count}, torch::kFloat32);
-  for (Tensor Bucket::*field : {&Bucket::read, &Bucket::write, &Bucket::from, &Bucket::to})
-    add(field, {rows}, torch::kInt64);
+  add(&Bucket::read, {rows}, torch::kInt64);
+  add(&Bucket::write, {rows}, torch::kInt64);
+  if (frames_ != nullptr) {
+    add(&Bucket::from, {rows}, torch::kInt64);
+    add(&Bucket::to, {rows}, torch::kInt64);
+  }
   Bucket bucket;
   bucket.worlds = size;
   bucket.staging = device::host_memory({layout.bytes()}, torch::kUInt8, device).zero_();
@@ -135,7 +139,6 @@ void StagedForward::pack(const Batch& batch, Bucket& bucket) {
   const auto at = [&](const Tensor& field) {
     return bytes + (field.storage_offset() * static_cast<int64_t>(field.element_size()));
   };
-  if (frames_ == nullptr) pack_frames(batch, at(bucket.frame));
   if (batch.measurement.defined() && bucket.measurement.defined())
     std::memcpy(at(bucket.measurement), batch.measurement.data_ptr<float>(), batch.measurement.nbytes());
   if (batch.global_state.defined() && bucket.global_state.defined())
@@ -145,20 +148,25 @@ void StagedForward::pack(const Batch& batch, Bucket& bucket) {
     std::fill_n(first, field.numel(), idle);
     return first;
   };
-  const SlabFrames::Place idle = frames_ != nullptr ? frames_->idle_place() : SlabFrames::Place();
   int64_t* read = indices(bucket.read, zero_row_);
   int64_t* write = indices(bucket.write, idle_row_);
-  int64_t* from = indices(bucket.from, idle.from);
-  int64_t* to = indices(bucket.to, idle.to);
   for (const Request& request : batch.requests)
-    for (int agent = 0; agent < env_.num_agents; ++agent, ++read, ++write, ++from, ++to) {
+    for (int agent = 0; agent < env_.num_agents; ++agent, ++read, ++write) {
       const int64_t row = int64_t{request.env_index} * env_.num_agents + agent;
       if (!request.reset_state) *read = row;
       if (request.kind == shm::RequestKind::kAct) *write = row;
-      if (frames_ == nullptr) continue;
+    }
+  if (frames_ == nullptr) {
+    pack_frames(batch, at(bucket.frame));
+    return;
+  }
+  int64_t* from = indices(bucket.from, frames_->idle_place().from);
+  int64_t* to = indices(bucket.to, frames_->idle_place().to);
+  for (const Request& request : batch.requests)
+    for (int agent = 0; agent < env_.num_agents; ++agent) {
       const SlabFrames::Place place = frames_->place_of(request, agent);
-      *from = place.from;
-      *to = place.to;
+      *from++ = place.from;
+      *to++ = place.to;
     }
 }
 

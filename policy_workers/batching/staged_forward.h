@@ -52,7 +52,7 @@ class StagedForward {
     Tensor staging, there;  ///< u8 [bytes], on the host and on the device
     Tensor frame,
         measurement;  ///< views of `there`: u8 [B, C, H, W], f32 [B, M]; the frame is undefined with SlabFrames
-    Tensor from, to;              ///< views of `there`: i64 [B], SlabFrames::Place
+    Tensor from, to;              ///< views of `there`: i64 [B], SlabFrames::Place; undefined without
     Tensor global_state;          ///< view of `there`: f32 [worlds, S]; undefined when S = 0
     Tensor read, write;           ///< views of `there`: i64 [B], rows of states_
     Tensor answer_there, answer;  ///< f32 [B, A + 1 + H]: logits, value, state

@@ -24,7 +24,6 @@ class TensorLayout {
 
   /// One more; returns its index.
   std::size_t add(at::IntArrayRef sizes, torch::ScalarType type);
-  std::size_t count() const { return places_.size(); }
   int64_t bytes() const { return bytes_; }
   /// A tensor of `memory`, u8 [bytes()], as a view.
   Tensor view(const Tensor& memory, std::size_t index) const;

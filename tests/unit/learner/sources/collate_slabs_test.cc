@@ -21,7 +21,6 @@ namespace collate_slabs_test {
 using policy::ActorCritic;
 using policy::Batch;
 using policy::Batcher;
-using policy::FakeEnv;
 using policy::FakeSplit;
 using policy::NetworkOptions;
 using policy::SlabFrames;
