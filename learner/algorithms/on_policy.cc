@@ -88,7 +88,8 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
                                        device)),
       schedule_(config),
       returns_(config.optimisation.returns_clip, config.on_policy.returns_half_life_decisions),
-      runner_(config, device) {}
+      runner_(config, device),
+      launched_(runner_) {}
 
 LossTerms OnPolicy::loss(const policy::SequenceOutput& output, const RolloutBatch& rows,
                          const PpoScalars& scalars) const {
@@ -97,7 +98,7 @@ LossTerms OnPolicy::loss(const policy::SequenceOutput& output, const RolloutBatc
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   env_frames_ = context.env_frames;
-  stats.skipped_steps += std::exchange(late_skipped_, 0);
+  launched_.take_late(stats);
   schedule_.before_batch(env_frames_);
   stats.lag = lag_of_ranks(apply_lag_filter(batch, version(), config_.collection.max_policy_lag),
                            batch.valid.numel(), ranks());
@@ -191,19 +192,18 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
   double actor_loss = 0, kl = 0;
   int64_t trained = 0;
   bool is_first = true, is_first_completed = false;
-  ++phases_;
+  launched_.begin_phase();
   const auto complete_steps = [&](bool waits) -> Status {
-    while (!launched_.empty() && (waits || launched_.front().step.read.is_ready())) {
-      const bool is_of_this_phase = launched_.front().phase == phases_,
-                 has_policy = launched_.front().has_policy;
-      const StepOutcome outcome = complete_oldest(stats);
+    while (launched_.has_outcome(waits)) {
+      const auto [step, trains_policy, is_of_this_phase] = launched_.take_outcome(stats);
       COMRAD_TRY(runner_.status());
       if (!is_of_this_phase) continue;
-      if (!outcome.was_taken) {
+      last_grad_norm_ = runner_.grad_norm();
+      if (!step.was_taken) {
         is_first_completed = true;
         continue;
       }
-      terms = outcome.terms;
+      terms = step.terms;
       const double kl_of_step = terms["kl_divergence"];
       if (!std::exchange(is_first_completed, true))
         kl_first = kl_of_step, clipped_first = terms["fraction_clipped"];
@@ -211,7 +211,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
       terms.set("fraction_clipped_first", clipped_first);
       actor_loss += terms.loss() - terms["value_loss"];
       kl += kl_of_step;
-      if (!has_policy) continue;  // of dead agents alone: its KL is not informative
+      if (!trains_policy) continue;  // of dead agents alone: its KL is not informative
       ++trained;
       if (phase.trains_policy) schedule_.after_minibatch(kl_of_step);
     }
@@ -256,24 +256,6 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
   return PhaseEnd::kDone;
 }
 
-StepOutcome OnPolicy::complete_oldest(UpdateStats& stats) {
-  Pending pending = std::move(launched_.front());
-  launched_.pop_front();
-  const bool is_of_this_phase = pending.phase == phases_;
-  UpdateStats of_before;  // its optimizer_steps are no longer counted
-  StepOutcome outcome = runner_.complete(pending.step, is_of_this_phase ? stats : of_before);
-  if (is_of_this_phase) last_grad_norm_ = runner_.grad_norm();
-  stats.skipped_steps += of_before.skipped_steps;
-  return outcome;
-}
-
-void OnPolicy::settle() {
-  UpdateStats stats;
-  ++phases_;
-  while (!launched_.empty()) (void)complete_oldest(stats);
-  late_skipped_ += stats.skipped_steps;
-}
-
 OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Phase& phase,
                                                const UpdateContext& context, bool is_first,
                                                UpdateStats& stats) {
@@ -295,7 +277,7 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
     is_wanted = [this](const TermValues& terms) {
       return terms["kl_divergence"] <= config_.on_policy.early_stop_kl;
     };
-  Pending pending{.step = {}, .phase = phases_, .has_policy = has_policy};
+  LaunchedStep launched{.terms = {}, .read = {}, .trains_policy = has_policy};
   const StepRunner::Result result =
       runner_.launch({.optimizer = phase.optimizer,
                       .input = input,
@@ -304,12 +286,12 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
                       .keeps = keeps_log_prob,
                       .keep_going = context.keep_going,
                       .is_wanted = is_wanted},
-                     stats, pending.step);
+                     stats, launched);
   if (result == StepRunner::Result::kAbandoned) return StepResult::kAbandoned;
   stats.rows_trained += minibatch.steps() * minibatch.rows();
   if (result == StepRunner::Result::kRefused) return StepResult::kKlReached;
-  if (keeps_log_prob) *phase.first_log_prob = at::cat(pending.step.terms.kept, 1);
-  launched_.push_back(std::move(pending));
+  if (keeps_log_prob) *phase.first_log_prob = at::cat(launched.terms.kept, 1);
+  launched_.add(std::move(launched));
   return StepResult::kLaunched;
 }
 
@@ -486,7 +468,7 @@ Status OnPolicy::load(const StateDict& state) {
   net_.state_changed();
   for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));
   COMRAD_TRY(schedule_.load(state));
-  launched_.clear();
+  launched_.forget();
   runner_.resume(progress.version);
   updates_ = progress.updates;
   returns_.restore(statistics);

@@ -6,7 +6,6 @@
 
 #include <torch/types.h>
 
-#include <deque>
 #include <functional>
 #include <memory>
 #include <string>
@@ -18,6 +17,7 @@
 #include "learner/losses/loss_terms.h"
 #include "learner/losses/ppo_loss.h"
 #include "learner/schedules/lr_schedule.h"
+#include "learner/step/launched_steps.h"
 #include "learner/step/step_runner.h"
 #include "policy_workers/network/actor_critic.h"
 
@@ -32,7 +32,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
   Status learn_with(RankGroup& ranks) override;
-  void settle() override;
+  void settle() override { launched_.settle(); }
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -115,14 +115,6 @@ class OnPolicy : public OnPolicyAlgorithm {
  private:
   /// A minibatch, or a whole batch, and the phase that reads it.
   class Input;
-  /// A launched step whose outcome is not known yet.
-  struct Pending {
-    LaunchedStep step;
-    int64_t phase = 0;        ///< that launched it
-    bool has_policy = false;  ///< it trains the policy
-  };
-  /// The oldest launched step's outcome; waits where it is not there yet.
-  StepOutcome complete_oldest(UpdateStats& stats);
   /// Samples of a minibatch of all ranks.
   struct SampleTotals {
     double valid = 0, acting = 0, places = 0;
@@ -137,9 +129,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   StepResult train_minibatch(RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                              bool is_first, UpdateStats& stats);
 
-  std::deque<Pending> launched_;
-  int64_t phases_ = 0;        ///< so far
-  int64_t late_skipped_ = 0;  ///< steps that were found to be not taken after their update had ended
+  LaunchedSteps launched_;
 };
 
 }  // namespace comrad::learn

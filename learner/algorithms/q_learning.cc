@@ -97,6 +97,7 @@ QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device
                config.q_learning.target_update_tau, config.q_learning.target_update_interval, device),
       schedule_(config),
       runner_(config, device),
+      launched_(runner_),
       n_step_(config.q_learning.n_step.rounded_at(0)) {}
 
 int64_t QLearning::parameter_count() const {
@@ -154,11 +155,12 @@ QLearning::Totals QLearning::totals_of(const ReplayBatch& batch) {
   const Tensor valid = sample_valid(batch);
   const int64_t burn_in = batch.steps() > config_.q_learning.burn_in ? config_.q_learning.burn_in : 0;
   const Tensor all = ranks().gather(
-      torch::tensor({static_cast<double>(count_of(valid)), static_cast<double>(valid.numel()),
-                     static_cast<double>(count_of(valid.narrow(0, burn_in, batch.steps() - burn_in))),
-                     static_cast<double>(batch.rewards_read), static_cast<double>(batch.rewards_clipped),
-                     batch.least_probability},
-                    torch::kFloat64)
+      torch::tensor(
+          std::vector{static_cast<double>(count_of(valid)), static_cast<double>(valid.numel()),
+                      static_cast<double>(count_of(valid.narrow(0, burn_in, batch.steps() - burn_in))),
+                      static_cast<double>(batch.rewards_read), static_cast<double>(batch.rewards_clipped),
+                      batch.least_probability},
+          torch::kFloat64)
           .unsqueeze(0),
       0);
   const Tensor sum = all.sum(0), least = all.amin(0);
@@ -204,6 +206,8 @@ bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& con
 
 Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext& context) {
   UpdateStats stats;
+  launched_.take_late(stats);
+  launched_.begin_phase();
   place_schedules(context.env_frames);
   ++updates_;
   const Totals totals = totals_of(batch);
@@ -216,7 +220,6 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch, ranks()));
   if (batch.least_probability > totals.least_probability)  // see the factor f_k in the header
     batch.weight.mul_(std::pow(totals.least_probability / batch.least_probability, batch.weight_exponent));
-  // The whole step is queued before its results are read.
   Input input(*this, parts_of(batch));
   LaunchedStep launched;
   {
@@ -228,29 +231,38 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
     }
   }
   stats.rows_trained += batch.steps() * batch.rows();
-  const StepOutcome outcome = runner_.complete(launched, stats);
-  batch.abs_td = torch::tensor(outcome.kept, torch::kFloat32);
-  if (!outcome.was_taken) {
-    COMRAD_TRY(runner_.status());
+  launched_.add(std::move(launched));
+  COMRAD_TRY_ASSIGN(const std::optional<StepOutcome> outcome,
+                    complete_steps(context.reports || needs_outcome(), stats));
+  if (outcome) batch.abs_td = torch::tensor(outcome->kept, torch::kFloat32);
+  if (outcome && !outcome->was_taken) {
     batch.abs_td.zero_();
     return stats;
   }
   targets_.follow(version());
   reset_if_due();
-  report(outcome, stats);
-  if (!mixer_) {  // the reference's names for decisions that do not count
-    stats.values.emplace_back("train/policy_lag_valid_frac", stats.lag.valid_fraction);
-    stats.values.emplace_back("train/policy_lag_dropped", totals.places - totals.valid);
-    stats.values.emplace_back("train/policy_lag_total", totals.places);
-  }
-  if (totals.rewards_read > 0)
-    stats.values.emplace_back("train/rewards_clipped_fraction", totals.rewards_clipped / totals.rewards_read);
-  if (config_.q_learning.normalize_q_values) {
+  if (outcome && config_.q_learning.normalize_q_values) {
     const double before = q_sigma();
-    rescale_outputs(before, scale_.observe(outcome.terms["target_mean_square"]));
+    rescale_outputs(before, scale_.observe(outcome->terms["target_mean_square"]));
   }
+  if (outcome && context.reports) report(*outcome, totals, stats);
   if (context.after_step) context.after_step();
   return stats;
+}
+
+bool QLearning::needs_outcome() const {
+  const auto every = static_cast<PolicyVersion>(config_.q_learning.q_reset_every_updates);
+  return config_.replay.per || config_.q_learning.normalize_q_values || (every > 0 && version() % every == 0);
+}
+
+Expected<std::optional<StepOutcome>> QLearning::complete_steps(bool waits, UpdateStats& stats) {
+  std::optional<StepOutcome> of_this_update;
+  while (launched_.has_outcome(waits)) {
+    LaunchedSteps::Outcome outcome = launched_.take_outcome(stats);
+    COMRAD_TRY(runner_.status());
+    if (outcome.is_of_this_phase) of_this_update = std::move(outcome.step);
+  }
+  return of_this_update;
 }
 
 void QLearning::reset_if_due() {
@@ -285,7 +297,7 @@ void QLearning::rescale_outputs(double before, double after) {
     if (mixer != nullptr) mixer->rescale(factor);
 }
 
-void QLearning::report(const StepOutcome& outcome, UpdateStats& stats) const {
+void QLearning::report(const StepOutcome& outcome, const Totals& totals, UpdateStats& stats) const {
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
   put("train/loss", outcome.terms.loss());
@@ -299,7 +311,15 @@ void QLearning::report(const StepOutcome& outcome, UpdateStats& stats) const {
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/num_sgd_steps", static_cast<double>(version()));
   put("train/num_updates", static_cast<double>(updates_));
-  if (!mixer_) put("train/dqn_num_updates", static_cast<double>(updates_));
+  if (!mixer_) {
+    put("train/dqn_num_updates", static_cast<double>(updates_));
+    // The reference's names for decisions that do not count.
+    put("train/policy_lag_valid_frac", stats.lag.valid_fraction);
+    put("train/policy_lag_dropped", totals.places - totals.valid);
+    put("train/policy_lag_total", totals.places);
+  }
+  if (totals.rewards_read > 0)
+    put("train/rewards_clipped_fraction", totals.rewards_clipped / totals.rewards_read);
 }
 
 void QLearning::append_diagnostics(NamedNumbers& values) const {
@@ -339,6 +359,7 @@ Status QLearning::load(const StateDict& state) {
   net_.state_changed();
   COMRAD_TRY(optimizer_.load(state, "optimizer"));
   COMRAD_TRY(schedule_.load(state));
+  launched_.forget();
   runner_.resume(progress.version);
   updates_ = progress.updates;
   scale_ = QScale();

@@ -42,6 +42,7 @@
 #include "learner/losses/q_scale.h"
 #include "learner/losses/td_loss.h"
 #include "learner/schedules/lr_schedule.h"
+#include "learner/step/launched_steps.h"
 #include "learner/step/step_runner.h"
 #include "learner/step/target_parameters.h"
 #include "policy_workers/network/actor_critic.h"
@@ -57,6 +58,7 @@ class QLearning : public OffPolicyAlgorithm {
   std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
   Status learn_with(RankGroup& ranks) override;
+  void settle() override { launched_.settle(); }
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -114,6 +116,11 @@ class QLearning : public OffPolicyAlgorithm {
   };
   /// Puts what changes over the run where it stands at these env frames.
   void place_schedules(double env_frames);
+  /// Whether the next thing to be done follows from what became of the step just launched: priorities, the unit of
+  /// Q-values, a reset.
+  bool needs_outcome() const;
+  /// Outcomes that are there, or all; that of this update's step where it is among them. Errors: as StepRunner::status.
+  Expected<std::optional<StepOutcome>> complete_steps(bool waits, UpdateStats& stats);
   /// Resets at the versions of q_reset_every_updates; what it draws is a function of the run's seed and the version.
   void reset_if_due();
   Totals totals_of(const ReplayBatch& batch);
@@ -123,7 +130,7 @@ class QLearning : public OffPolicyAlgorithm {
   LossTerms loss_of_part(const ReplayPart& part, std::span<const Tensor> scalars) const;
   /// Whether QMIX's mixer gives utilities their unit: then they have none themselves.
   bool utilities_have_a_unit() const { return !mixer_ || mixer_->scales_with_utilities(); }
-  void report(const StepOutcome& outcome, UpdateStats& stats) const;
+  void report(const StepOutcome& outcome, const Totals& totals, UpdateStats& stats) const;
   int64_t micro_worlds(const ReplayBatch& batch) const;
   RankGroup& ranks() const { return runner_.ranks(); }
 
@@ -132,6 +139,7 @@ class QLearning : public OffPolicyAlgorithm {
   LrSchedule schedule_;
   QScale scale_;
   StepRunner runner_;
+  LaunchedSteps launched_;
   int64_t n_step_;       ///< n_step's schedule at the last batch
   int64_t updates_ = 0;  ///< batches seen
 };

@@ -322,10 +322,15 @@ ReplayBatch make_replay_batch(const ReplayBatchOptions& options) {
   return batch;
 }
 
+void hand_back(ReplayBatch& batch, torch::Device device) {
+  batch.was_read.record(device::Stream::current(device));
+}
+
 void fill(ReplayBatch& batch, const ReplayBatchOptions& options, const replay::Replay& replay,
           std::span<const replay::Draw> draws) {
   COMRAD_CHECK(static_cast<int64_t>(draws.size()) == batch.world_count, "one draw for every world");
   const EnvShape& env = batch.shape.env;
+  batch.was_read.wait();
   Finals finals;
   batch.has_action_mask = false;
   batch.final_step.clear(), batch.final_row.clear(), batch.serial.clear();

@@ -53,6 +53,8 @@ struct ReplayBatch {
   std::vector<int64_t> serial;  ///< [W] the replay's handles, for priorities
   Tensor abs_td;                ///< f32 [W] made by the algorithm, see QLearning
 
+  device::Event was_read;  ///< made by hand_back()
+
   int64_t rewards_read = 0;     ///< payments that the rewards are made of
   int64_t rewards_clipped = 0;  ///< of those, changed by reward_clip
 
@@ -77,7 +79,9 @@ struct ReplayBatchOptions {
 /// Allocates; reuse it.
 ReplayBatch make_replay_batch(const ReplayBatchOptions& options);
 
-/// Copies `draws` (world_count of them) out of the replay. A trajectory that was evicted meanwhile leaves a
+/// What `device` was given so far may read the batch later than its learner returns from the update. Threads: the learner's.
+void hand_back(ReplayBatch& batch, torch::Device device);
+/// Copies `draws` (world_count of them) out of the replay, once the device has read what was there. A trajectory that was evicted meanwhile leaves a
 /// world without valid steps.
 void fill(ReplayBatch& batch, const ReplayBatchOptions& options, const replay::Replay& replay,
           std::span<const replay::Draw> draws);

@@ -402,6 +402,7 @@ std::unique_ptr<ReplayBatch> ReplayFeed::pop(int timeout_ms) {
 void ReplayFeed::finish(std::unique_ptr<ReplayBatch> batch) {
   if (config_.replay.per && batch->abs_td.defined())
     replay_->set_priorities(batch->serial, {batch->abs_td.data_ptr<float>(), batch->serial.size()});
+  hand_back(*batch, batch_options_.device);
   const std::lock_guard lock(mutex_);
   free_.push_back(std::move(batch));
 }

@@ -73,6 +73,7 @@ struct LaunchedStep {
   device::Readback read;
   double learning_rate = 0;
   bool has_second_moment = false;
+  bool trains_policy = true;  ///< set by the algorithm that launched it
 };
 
 struct StepOutcome {

@@ -95,10 +95,10 @@ class SyntheticTraining {
         feed_->insert(slab(i), length, algorithm_->version());
     }
     totals_.decisions += batch_.slab_count * steps * agents;
+    context_.reports = monotonic_s() - reported_s_ >= 1;
+    if (context_.reports) reported_s_ = monotonic_s();
     if (on_policy_ != nullptr) {
       send_ahead(batch_, device_);
-      context_.reports = monotonic_s() - reported_s_ >= 1;
-      if (context_.reports) reported_s_ = monotonic_s();
       COMRAD_TRY_ASSIGN(const UpdateStats stats, on_policy_->update(batch_, context_));
       hand_back(batch_, device_);
       count(stats);
