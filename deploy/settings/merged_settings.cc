@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <initializer_list>
 #include <utility>
 
 #include "deploy/settings/layers.h"
@@ -125,6 +126,22 @@ Expected<MergedSettings> complete(LayeredConfig layers, ScenarioDescription scen
   return merged;
 }
 
+bool is_of_recipe(const std::string& from) {
+  return from == "algorithm" || from == "preset" || from == "scenario";
+}
+bool is_users(const LayeredConfig& layers, const std::string& setting) {
+  const std::string& from = layers.from.at(setting);
+  return from != "built-in" && !is_of_recipe(from);
+}
+
+/// These settings have their defaults again where a recipe set them.
+Status drop_recipe(LayeredConfig& layers, std::initializer_list<const char*> settings) {
+  for (const char* setting : settings)
+    if (is_of_recipe(layers.from.at(setting)))
+      COMRAD_TRY(layers.put({"automatic", {"", {{setting, setting_text(RunConfig(), setting)}}}}));
+  return {};
+}
+
 }  // namespace
 
 Expected<SettingsLayer> file_layer(const UserSettings& user) {
@@ -158,10 +175,10 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
   // Recipes count in sequences for mixers, which have a recurrent core, and in decisions for idqn, which has none. Their
   // rows fall away where the user chose the other core.
   if (layers.config.network.use_rnn != run.algo->mixes_q_values())
-    for (const char* setting : {"td_lambda", "replay_batch_size"})
-      if (const std::string& from = layers.from.at(setting);
-          from == "algorithm" || from == "preset" || from == "scenario")
-        COMRAD_TRY(layers.put({"automatic", {"", {{setting, setting_text(RunConfig(), setting)}}}}));
+    COMRAD_TRY(drop_recipe(layers, {"td_lambda", "replay_batch_size"}));
+  // A scenario's own maps do where the user chose others.
+  if (is_users(layers, "wad") || is_users(layers, "layout_seed") || is_users(layers, "layout_pool"))
+    COMRAD_TRY(drop_recipe(layers, {"layout_pool", "layout_swap_every", "curriculum"}));
   if (layers.config.environment.use_additional_input !=
       chosen.environment.use_additional_input) {  // the scenario's own row decides
     chosen.environment.use_additional_input = layers.config.environment.use_additional_input;

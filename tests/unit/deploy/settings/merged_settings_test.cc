@@ -35,7 +35,10 @@ Expected<ScenarioDescription> fake_scenario(const RunConfig& config) {
                        {{"small.ippo.batch_size", "2048"},
                         {"small.ippo.num_epochs", "2"},
                         {"paper.ippo.num_epochs", "7"},
-                        {"small.qplex_q.qmix_batch_sequences", "5"}}};
+                        {"small.qplex_q.qmix_batch_sequences", "5"},
+                        {"small.happo.layout_pool", "curriculum"},
+                        {"small.happo.layout_swap_every", "1"},
+                        {"small.happo.curriculum", "learning_progress"}}};
   return scenario;
 }
 
@@ -196,6 +199,25 @@ TEST(MergeNew, RecipesCountInTheUnitOfTheirCoreAlone) {
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_EQ(other->config.q_learning.replay_batch_size, 4);
   EXPECT_EQ(other->from.at("replay_batch_size"), "preset");
+}
+
+TEST(MergeNew, TheScenariosOwnMapsFallAwayWhereTheUserChoosesSome) {
+  const auto maps = [](std::vector<std::pair<std::string, std::string>> flags) {
+    flags.insert(flags.begin(), {"algo", "happo"});
+    const auto merged = merge_new(typed(std::move(flags)), fake_scenario, 2);
+    EXPECT_TRUE(merged) << merged.error().message;
+    const RunConfig config = merged ? merged->config : RunConfig();
+    return std::tuple(config.environment.layout_pool, config.environment.layout_swap_every,
+                      config.curriculum.curriculum);
+  };
+  const auto of_the_scenario = std::tuple("curriculum", 1, CurriculumKind::kLearningProgress);
+  EXPECT_EQ(maps({}), of_the_scenario);
+  EXPECT_EQ(maps({{"gamma", "0.9"}}), of_the_scenario);
+  EXPECT_EQ(maps({{"wad", "/tmp/own.wad"}}), std::tuple("", 5, CurriculumKind::kUniform));
+  EXPECT_EQ(maps({{"layout_seed", "42"}}), std::tuple("", 5, CurriculumKind::kUniform));
+  EXPECT_EQ(maps({{"layout_pool", "train:8"}}), std::tuple("train:8", 5, CurriculumKind::kUniform));
+  EXPECT_EQ(maps({{"layout_pool", "train:8"}, {"layout_swap_every", "2"}}),
+            std::tuple("train:8", 2, CurriculumKind::kUniform));
 }
 
 TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserTyped) {

@@ -202,6 +202,10 @@ constexpr ScenarioRow kSmallScenarios[] = {
     {"ammo_carrier",
      {"exploration_loss_coeff", "0.01@0..0.003@2600000 0.001 0.001 0.001 0.001 0.001 0.001 0.001"}},
     {"foraging_commons", {"n_step", "1"}},
+    {"lava_maze",
+     {"exploration_loss",
+      "entropy entropy entropy symmetric_kl symmetric_kl symmetric_kl symmetric_kl symmetric_kl"}},
+    {"lava_maze", {"exploration_loss_coeff", "0.004 0.004 0.004 0.001 0.001 0.001 0.001 0.001"}},
     {"lava_pit", {"gamma", "0.9995"}},
     {"rhythm_sync", {"gamma", "0.999"}},
     {"stag_hunt_arena", {"q_value_clamp", "100 100 100 100 0 0 0 0"}},
@@ -216,6 +220,10 @@ constexpr ScenarioRow kSmallScenarios[] = {
     {"stag_hunt_arena",
      {"exploration_loss_coeff",
       "0.01@0..0.003@1e7 0.01@0..0.003@1e7 0.01@0..0.003@1e7 0.001 0.001 0.001 0.001 0.001"}},
+    {"stealth_labyrinth",
+     {"exploration_loss",
+      "entropy entropy entropy symmetric_kl symmetric_kl symmetric_kl symmetric_kl symmetric_kl"}},
+    {"stealth_labyrinth", {"exploration_loss_coeff", "0.01 0.01 0.01 0.001 0.001 0.001 0.001 0.001"}},
 };
 
 /// What changes neither what is learned from nor how: the run, its processes, memory, records, and which maps are drawn.
