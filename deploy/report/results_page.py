@@ -136,6 +136,11 @@ class Kept:
             cells[at] = [row for row in found if (row.run.result.get("train_for_env_frames") or 0) == goal]
         return cells
 
+    @functools.cached_property
+    def comparable(self) -> Cells:
+        """Those whose runs are of today's recipe, map and version of the scenario."""
+        return {at: rows for at, rows in self.cells.items() if not any(row.stale for row in rows)}
+
 
 def read_kept_rows(study: Study, folder: pathlib.Path) -> Kept:
     """The kept runs of a study beside random play."""
@@ -200,11 +205,12 @@ def score_table(study: Study, kept: Kept, scenarios: list[str]) -> Table:
 
 
 def aggregates_of(study: Study, kept: Kept) -> tuple[list[str], dict[str, list[np.ndarray]]]:
-    """Normalised J of each algorithm, [scenario] of [seeds] f64, over the scenarios that all algorithms have and a reference."""
-    common = [one for one in study.references if all((one, algo) in kept.cells for algo in ALGORITHMS)]
+    """Normalised J of each algorithm, [scenario] of [seeds] f64, over the scenarios that have a reference and comparable
+    runs of all algorithms."""
+    common = [one for one in study.references if all((one, algo) in kept.comparable for algo in ALGORITHMS)]
     if not common:
         return [], {}
-    value = lambda scenario, algo: study.references[scenario].normalised(means_of(kept.cells[scenario, algo]))
+    value = lambda scenario, algo: study.references[scenario].normalised(means_of(kept.comparable[scenario, algo]))
     return common, {algo: [value(scenario, algo) for scenario in common] for algo in ALGORITHMS}
 
 
@@ -275,13 +281,13 @@ def paper_table(kept: Kept, published: dict[str, dict]) -> Table:
 
 
 def strongest(kept: Kept, scenario: str, family: tuple[str, ...]) -> list[Row]:
-    cells = [kept.cells[scenario, algo] for algo in family if (scenario, algo) in kept.cells]
+    cells = [kept.comparable[scenario, algo] for algo in family if (scenario, algo) in kept.comparable]
     return max(cells, key=lambda rows: means_of(rows).mean(), default=[])
 
 
 def finding(kept: Kept, claim: Claim, scenario: str) -> str | None:
     """Whether a claim holds in one scenario: the strongest algorithm of each side, two-sided Welch test over seeds. None where a
-    side has no run."""
+    side has no comparable run."""
     sides = [strongest(kept, scenario, family) for family in (claim.ahead, claim.behind)]
     if not all(sides):
         return None
@@ -470,7 +476,7 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
             "",
             f"![Interquartile means]({link(AGGREGATES)})",
             "",
-            f"Over the {len(common)} scenarios where every algorithm has runs ({joined(common).replace('_', ' ')}), with stratified "
+            f"Over the {len(common)} scenarios where every algorithm has runs without † ({joined(common).replace('_', ' ')}), with stratified "
             "bootstrap intervals over seeds (Agarwal et al. 2021).",
             "",
         ]
@@ -497,7 +503,7 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
     people = people_table(folder, study, kept)
     lines += ["## People", ""]
     lines += [as_markdown(people)] if people.rows else [f"No episode is kept yet: `comrad play SCENARIO --save {folder}/people` keeps some.", ""]
-    lines += ["## Findings", "", f"The strongest algorithm of each side is compared over seeds (Welch, p < {ALPHA_FINDING}).", ""]
+    lines += ["## Findings", "", f"The strongest algorithm of each side is compared over seeds (Welch, p < {ALPHA_FINDING}), without runs marked †.", ""]
     lines += findings_lines(kept) + [""]
     names = {row.run.name for row in kept.rows}
     problems = kept.problems + [f"{name}: {why}" for name, why in study.left_out if name not in names]

@@ -870,8 +870,19 @@ class ResultsPage(WithFolder):
         for at, algo in enumerate(results_page.ALGORITHMS):
             for seed in (7, 8):
                 self.keep("lava_pit", algo, seed, [float(at), at + 1.0] * 50)
-        self.assertIn("Over the 1 scenarios where every algorithm has runs (lava pit)", self.page())
+        self.assertIn("Over the 1 scenarios where every algorithm has runs without † (lava pit)", self.page())
         self.assertTrue((self.folder / "aggregates.png").stat().st_size > 1000)
+
+    def test_runs_of_an_earlier_recipe_are_compared_with_nothing(self):
+        import results_page
+
+        for algo in results_page.ALGORITHMS:
+            self.keep("stag_hunt_arena", algo, 7, [2.0, 3.0] * 50, stale="" if algo in ("ippo", "mappo", "happo") else "gamma 0.9 -> 0.99")
+        page = self.page()
+        self.assertRegex(page, r"\| stag hunt arena \|.*\| 2.5†<br>8 % \|")
+        self.assertNotIn("All algorithms together", page)
+        self.assertNotIn("stag hunt arena: undecided", page)
+        self.assertIn("commitment is needed. With default rules: not run.", page)
 
     def test_the_papers_scores_are_those_of_its_games_in_its_units(self):
         self.keep("coop_health_gathering@reference", "ippo", 7, [2000.0, 2010.0] * 50)  # tics; four are a decision
