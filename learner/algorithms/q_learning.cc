@@ -232,27 +232,38 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   }
   stats.rows_trained += batch.steps() * batch.rows();
   launched_.add(std::move(launched));
-  COMRAD_TRY_ASSIGN(const std::optional<StepOutcome> outcome,
-                    complete_steps(context.reports || needs_outcome(), stats));
+  const bool moves_scale = is_scale_due();
+  COMRAD_TRY_ASSIGN(
+      const std::optional<StepOutcome> outcome,
+      complete_steps(context.reports || config_.replay.per || moves_scale || is_reset_due(), stats));
   if (outcome) batch.abs_td = torch::tensor(outcome->kept, torch::kFloat32);
   if (outcome && !outcome->was_taken) {
     batch.abs_td.zero_();
     return stats;
   }
   targets_.follow(version());
-  reset_if_due();
-  if (outcome && config_.q_learning.normalize_q_values) {
+  if (is_reset_due()) reset();
+  if (moves_scale) {
     const double before = q_sigma();
-    rescale_outputs(before, scale_.observe(outcome->terms["target_mean_square"]));
+    rescale_outputs(before, scale_.move());
   }
   if (outcome && context.reports) report(*outcome, totals, stats);
   if (context.after_step) context.after_step();
   return stats;
 }
 
-bool QLearning::needs_outcome() const {
+bool QLearning::is_reset_due() const {
   const auto every = static_cast<PolicyVersion>(config_.q_learning.q_reset_every_updates);
-  return config_.replay.per || config_.q_learning.normalize_q_values || (every > 0 && version() % every == 0);
+  return every > 0 && version() % every == 0;
+}
+
+void QLearning::see(const StepOutcome& outcome) {
+  if (outcome.was_taken && config_.q_learning.normalize_q_values)
+    scale_.observe(outcome.terms["target_mean_square"]);
+}
+
+void QLearning::settle() {
+  launched_.settle([this](const StepOutcome& outcome) { see(outcome); });
 }
 
 Expected<std::optional<StepOutcome>> QLearning::complete_steps(bool waits, UpdateStats& stats) {
@@ -260,14 +271,13 @@ Expected<std::optional<StepOutcome>> QLearning::complete_steps(bool waits, Updat
   while (launched_.has_outcome(waits)) {
     LaunchedSteps::Outcome outcome = launched_.take_outcome(stats);
     COMRAD_TRY(runner_.status());
+    see(outcome.step);
     if (outcome.is_of_this_phase) of_this_update = std::move(outcome.step);
   }
   return of_this_update;
 }
 
-void QLearning::reset_if_due() {
-  const auto every = static_cast<PolicyVersion>(config_.q_learning.q_reset_every_updates);
-  if (every == 0 || version() % every != 0) return;
+void QLearning::reset() {
   torch::NoGradGuard no_grad;
   const RngKey key = key_of(config_, "reset").split(static_cast<uint64_t>(version()));
   const policy::ActorCritic fresh_net =

@@ -58,7 +58,7 @@ class QLearning : public OffPolicyAlgorithm {
   std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
   Status learn_with(RankGroup& ranks) override;
-  void settle() override { launched_.settle(); }
+  void settle() override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -116,13 +116,14 @@ class QLearning : public OffPolicyAlgorithm {
   };
   /// Puts what changes over the run where it stands at these env frames.
   void place_schedules(double env_frames);
-  /// Whether the next thing to be done follows from what became of the step just launched: priorities, the unit of
-  /// Q-values, a reset.
-  bool needs_outcome() const;
+  bool is_reset_due() const;
+  bool is_scale_due() const { return config_.q_learning.normalize_q_values && scale_.is_due(version()); }
+  /// The unit of Q-values follows the targets of steps that were taken.
+  void see(const StepOutcome& outcome);
   /// Outcomes that are there, or all; that of this update's step where it is among them. Errors: as StepRunner::status.
   Expected<std::optional<StepOutcome>> complete_steps(bool waits, UpdateStats& stats);
-  /// Resets at the versions of q_reset_every_updates; what it draws is a function of the run's seed and the version.
-  void reset_if_due();
+  /// At the versions of q_reset_every_updates; what it draws is a function of the run's seed and the version.
+  void reset();
   Totals totals_of(const ReplayBatch& batch);
   StepRequest request_for(Input& input, const Totals& totals, const UpdateContext& context);
   /// The micro-batches of a batch, all on the device before the step begins.

@@ -7,6 +7,8 @@ namespace comrad::learn {
 namespace {
 
 constexpr double kBeta = 1e-3;
+constexpr double kYoungWeight = 0.06;  ///< of some 60 updates
+constexpr PolicyVersion kMoveEvery = 64;
 constexpr double kLeastSigma = 1e-4;
 constexpr double kMostSigma = 1e6;
 
@@ -23,11 +25,18 @@ void QScale::begin_natural() {
   has_begun_ = true;
 }
 
-double QScale::observe(double target_mean_square) {
-  if (!has_begun_ || !std::isfinite(target_mean_square)) return sigma_;
+void QScale::observe(double target_mean_square) {
+  if (!has_begun_ || !std::isfinite(target_mean_square)) return;
   mean_square_ += kBeta * (target_mean_square - mean_square_);
   weight_ += kBeta * (1 - weight_);
-  sigma_ = std::clamp(std::sqrt(mean_square_ / weight_), kLeastSigma, kMostSigma);
+}
+
+bool QScale::is_due(PolicyVersion version) const {
+  return weight_ < kYoungWeight || version % kMoveEvery == 0;
+}
+
+double QScale::move() {
+  if (weight_ > 0) sigma_ = std::clamp(std::sqrt(mean_square_ / weight_), kLeastSigma, kMostSigma);
   return sigma_;
 }
 

@@ -4,7 +4,7 @@
 //   nu_t    = (1 - beta) nu_{t-1} + beta mean(y^2)        y: the targets of update t, in natural units
 //   sigma_t = sqrt(nu_t / (1 - (1 - beta)^t))             within [1e-4, 1e6]; beta = 1e-3
 //
-// When sigma moves, the last layers are divided by as much, so Q-values in natural units stay (QLearning::
+// Sigma moves at each of the first updates and then at every 64th, so that a learner seldom waits for its device. When it moves, the last layers are divided by as much, so Q-values in natural units stay (QLearning::
 // rescale_outputs). That is PopArt with its scale alone: a shift would not pass through a mixer. Until the first
 // reward nothing is known of the size, and sigma is 1; then it begins with the size of that batch's rewards.
 // Source: van Hasselt et al. 2016, Learning values across many orders of magnitude, arXiv:1602.07714, eqs. 5-7
@@ -13,6 +13,7 @@
 
 #include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/version.h"
 
 namespace comrad::learn {
 
@@ -23,10 +24,14 @@ class QScale {
 
   /// The first size, of rewards; nothing that was predicted before is kept. Nothing happens at 0.
   void begin(double reward_rms);
-  /// Continues from networks that were trained in natural units: sigma is 1 until the next observe().
+  /// Continues from networks that were trained in natural units: sigma is 1 until the next move().
   void begin_natural();
-  /// After an update whose targets had this mean square. Returns the new sigma.
-  double observe(double target_mean_square);
+  /// An update's targets had this mean square.
+  void observe(double target_mean_square);
+  /// Whether sigma moves after the update that made `version`.
+  bool is_due(PolicyVersion version) const;
+  /// Sigma follows what was observed. Returns it.
+  double move();
 
   /// Section "q_scale".
   void save(StateDict& state) const;

@@ -14,10 +14,13 @@ LaunchedSteps::Outcome LaunchedSteps::take_outcome(UpdateStats& stats) {
           .is_of_this_phase = is_of_this_phase};
 }
 
-void LaunchedSteps::settle() {
+void LaunchedSteps::settle(const std::function<void(const StepOutcome&)>& see) {
   UpdateStats stats;
   begin_phase();
-  while (!steps_.empty()) (void)take_outcome(stats);
+  while (!steps_.empty()) {
+    const Outcome outcome = take_outcome(stats);
+    if (see) see(outcome.step);
+  }
   late_skipped_ += stats.skipped_steps;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <utility>
 
 #include "learner/step/step_runner.h"
@@ -31,8 +32,8 @@ class LaunchedSteps {
   /// The oldest one's; waits where it is not there yet.
   Outcome take_outcome(UpdateStats& stats);
 
-  /// Waits for all; what was not taken is counted by the next take_late().
-  void settle();
+  /// Waits for all and shows each to `see`; what was not taken is counted by the next take_late().
+  void settle(const std::function<void(const StepOutcome&)>& see = nullptr);
   /// Adds what settle() found to the update that begins.
   void take_late(UpdateStats& stats) { stats.skipped_steps += std::exchange(late_skipped_, 0); }
   void forget() { steps_.clear(); }

@@ -6,6 +6,7 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/ippo.h"
+#include "learner/algorithms/q_learning.h"
 #include "policy_workers/device/readback.h"
 #include "policy_workers/device/torch_ops.h"
 #include "rollout_buffer/replay/replay.h"
@@ -105,7 +106,7 @@ TEST_P(HostWaits, StepsThatAreReadLateGiveTheSameWeights) {
   EXPECT_EQ(weights_after(true), weights_after(false));
 }
 
-/// Priorities and normalize_q_values follow from what became of a step, so they wait.
+/// Priorities and the first units of normalize_q_values follow from what became of a step, so they wait.
 RunConfig config_that_waits_for_nothing(const std::string& algo) {
   RunConfig config = config_of(algo);
   config.optimisation.num_batches_per_epoch = config.run.algo->learns_q_values() ? 1 : 2;
@@ -140,6 +141,31 @@ INSTANTIATE_TEST_SUITE_P(AllAlgorithms, HostWaits,
                          ::testing::Values("ippo", "mappo", "happo", "idqn", "vdn", "qmix", "qplex_d",
                                            "qplex_q"),
                          [](const auto& of) { return of.param; });
+
+TEST(QScale, MovesAtTheSameUpdatesWhereStepsAreReadLate) {
+  const RunConfig config = config_of("vdn");
+  const TrajectoryShape shape = test::small_shape(config, kAgents);
+  const auto after = [&](bool late) {
+    std::optional<device::SlowReadbacks> slow;
+    if (late) slow.emplace();
+    const auto algorithm = *make_algorithm(config, shape.env, torch::kCPU);
+    std::vector<double> units;
+    ReplayBatch batch = sequences(shape, 5);
+    UpdateContext context;
+    for (int i = 1; i <= 130; ++i) {
+      context.reports = i % 50 == 0;  // when that is must not matter
+      batch.abs_td = Tensor();
+      EXPECT_TRUE(algorithm->off_policy()->update(batch, context));
+      units.push_back(dynamic_cast<const QLearning&>(*algorithm).q_sigma());
+    }
+    return std::pair(units, algorithm->weights());
+  };
+  const auto [units, weights] = after(false);
+  EXPECT_EQ(after(true), std::pair(units, weights));
+  for (std::size_t update = 2; update <= units.size(); ++update)
+    EXPECT_EQ(units[update - 1] != units[update - 2], update <= 62 || update % 64 == 0)
+        << "update " << update;
+}
 
 TEST(StepGuard, AStepThatIsReadLateAndWasNotTakenIsTakenBack) {
   const RunConfig config = config_of("ippo");
