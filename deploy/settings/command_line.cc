@@ -335,8 +335,8 @@ std::string CommandLine::help(const std::optional<ValuesInForce>& values, HelpEx
   if (!own.empty()) text += "\nThis command:\n" + own;
   if (!settings.empty())
     text +=
-        "\nSettings (built-in < algorithm < preset < TOML file < command line; `comrad config` shows the "
-        "result):\n" +
+        "\nSettings (built-in < algorithm < preset < scenario < TOML file < command line; `comrad config`\n"
+        "shows the result):\n" +
         settings;
   if (left_out > 0)
     text += fmt::format("\n{} more: comrad help {} --all\n", left_out, usage_.substr(0, usage_.find(' ')));

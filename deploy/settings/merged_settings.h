@@ -1,10 +1,10 @@
 // Merges the layers of settings into the one RunConfig that a run directory's config.toml holds:
 //
-//   built-in < algorithm < preset < TOML file < command line          a new run
-//   config.toml of the run        < TOML file < command line          resuming or evaluating a run
+//   built-in < algorithm < preset < scenario < TOML file < command line          a new run
+//   config.toml of the run                   < TOML file < command line          resuming or evaluating a run
 //
-// A preset's layer has three parts, the later over the earlier: its rows for the algorithm, what --qplex_preset stands
-// for, and the scenario's rows for preset and algorithm.
+// A preset's layer is its rows for the algorithm, and over them what --qplex_preset stands for; a scenario has rows for preset
+// and algorithm.
 #pragma once
 
 #include <functional>

@@ -212,8 +212,7 @@ std::string commit_of_sources() {
   const Expected<ProgramResult> head = git({"rev-parse", "HEAD"});
   if (!head || head->exit_code != 0) return "";
   const Expected<ProgramResult> changes =
-      git({"status", "--porcelain", "--untracked-files=no", "--", ".", ":(exclude)scenarios/results",
-           ":(exclude,glob)deploy/sweeps/*_results/**"});
+      git({"status", "--porcelain", "--untracked-files=no", "--", ".", ":(exclude,glob)**/*results/**"});
   const bool is_changed = changes && changes->exit_code == 0 && !changes->output.empty();
   return std::string(trimmed(head->output)) + (is_changed ? "-changed" : "");
 }

@@ -1,7 +1,7 @@
 // The recipes: which values an algorithm gets by default, each with its reason, in one table
 // (recipes.cc). Three layers are read from here, between the built-in defaults and the user's settings:
 //
-//   built-in < algorithm < preset (its rows for the algorithm, then --qplex_preset, then the scenario's rows)
+//   built-in < algorithm < preset (its rows for the algorithm, then --qplex_preset) < scenario (its rows for both)
 //            < TOML file < command line
 //
 // Stage: before a run; the launcher merges them (deploy/settings/merged_settings).
