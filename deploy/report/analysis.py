@@ -317,9 +317,11 @@ def measured_references(path: pathlib.Path) -> dict[str, dict]:
 
 
 def plays_default_map(run: Run) -> bool:
+    """Also a run whose kept evaluation did, while it trained on the scenario's stages."""
     wad = pathlib.PurePath(str(run.settings.get("wad", ""))).name
+    pool = run.settings.get("layout_pool", "")
     return (
-        run.settings.get("layout_pool", "") == ""
+        (pool == "" or (pool == "curriculum" and run.result.get("layout") == "seed 42"))
         and run.settings.get("layout_seed", 42) == 42
         and wad in ("", f"{run.scenario}_42.wad")
     )

@@ -473,6 +473,13 @@ class References(WithFolder):
         self.assertEqual(references, {})
         self.assertIn("do not play the default map", why)
 
+    def test_stages_of_the_scenario_are_trained_on_and_its_own_map_is_scored(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, layout_pool="curriculum")
+        [trained], _ = run_files.find_runs(self.folder)
+        self.assertFalse(analysis.plays_default_map(trained), run)
+        self.assertTrue(analysis.plays_default_map(dataclasses.replace(trained, result={"layout": "seed 42"})))
+        self.assertFalse(analysis.plays_default_map(dataclasses.replace(trained, result={"layout": "a pool"})))
+
     def test_other_teams_need_evaluations_of_their_own(self):
         references, why = self.references(num_agents=4)
         self.assertEqual(references, {})
