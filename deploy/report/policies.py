@@ -7,7 +7,8 @@
 `comrad pack-policies` and `comrad fetch-policies` start it. FOLDER is a sweep's whose runs have results ([results] in its file): of
 each scenario the run with the highest mean J of its evaluation is taken, unless its result is stale. The archive holds
 policies.json, which names each file's SHA-256, and <scenario>/config.toml and <scenario>/checkpoint/*.pt without the moments of
-the optimizer and with rounded weights. fetch reads COMRAD_POLICIES, the archive or the folder where it was unpacked.
+the optimizer and with rounded weights. fetch reads COMRAD_POLICIES, the archive or the folder where it was unpacked; without it the few
+policies that lie beside the scenarios.
 """
 
 import argparse
@@ -30,6 +31,7 @@ from report_lines import number, read_object, read_settings
 BAD_INPUT = 2
 INDEX, FORMAT = "policies.json", "comrad-policies-1"
 ARCHIVE_BYTES_MAX = 40_000_000
+BESIDE_SCENARIOS = pathlib.Path(__file__).resolve().parents[2] / "scenarios" / "policies.tar.xz"
 FILE_BYTES_MAX = 1 << 30
 OF_FLOATS = [{"id": lzma.FILTER_LZMA2, "preset": 6, "lc": 2, "lp": 2, "pb": 2}]  # numbers of four bytes
 SCENARIO, FILE = re.compile(r"\w+(@\w+)?"), re.compile(r"config\.toml|checkpoint/[\w.-]+\.pt")
@@ -68,6 +70,12 @@ def scenario_of(run: pathlib.Path) -> str:
     return f"{scenario}@{variant}" if variant and "@" not in scenario else scenario
 
 
+def portable_settings(run: pathlib.Path) -> bytes:
+    """The run's settings without those that name its own place, which have their defaults elsewhere."""
+    here = re.compile(rf'\w+ = "{re.escape(str(run.resolve().parent))}(/[^"]*)?"\n?')
+    return "".join(line for line in (run / "config.toml").read_text(encoding="utf-8").splitlines(True) if not here.fullmatch(line)).encode()
+
+
 def add_file(archive: tarfile.TarFile, name: str, content: bytes) -> None:
     """Without times and owners, so that the same policies make the same archive."""
     entry = tarfile.TarInfo(name)
@@ -92,7 +100,7 @@ def pack(learner: str, output: pathlib.Path, folders: list[pathlib.Path]) -> Non
             done = subprocess.run([learner, "--to_be_played", checkpoint, small], capture_output=True, text=True, check=False)
             if done.returncode:
                 raise ValueError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"{learner} could not read {checkpoint}")
-            files = {"config.toml": (run / "config.toml").read_bytes(), f"checkpoint/{checkpoint.name}": small.read_bytes()}
+            files = {"config.toml": portable_settings(run), f"checkpoint/{checkpoint.name}": small.read_bytes()}
             small.unlink()
             contents |= {f"{scenario}/{name}": content for name, content in files.items()}
             about = {key: answer.get(key) for key in ("algo", "seed", "env_frames", "J_mean", "J_ci95", "scenario_version", "commit", "checkpoint_hash")}
@@ -113,26 +121,29 @@ def pack(learner: str, output: pathlib.Path, folders: list[pathlib.Path]) -> Non
     print(f"{output}: {output.stat().st_size / 1e6:.1f} MB")
 
 
-class Source:
-    """What COMRAD_POLICIES names. Raises OSError, and ValueError with a sentence."""
+def named() -> pathlib.Path:
+    """What COMRAD_POLICIES names, or what lies beside the scenarios."""
+    return pathlib.Path(os.environ.get("COMRAD_POLICIES") or BESIDE_SCENARIOS)
 
-    def __init__(self, named: str):
-        if not named:
-            raise ValueError("COMRAD_POLICIES is not set; name the archive of a release (.tar.xz) or the folder where it was unpacked")
-        self.path, self.members = pathlib.Path(named), None
+
+class Source:
+    """Kept policies, from an archive or the folder where it was unpacked. Raises OSError, and ValueError with a sentence."""
+
+    def __init__(self, path: pathlib.Path):
+        self.path, self.members = path, None
         if self.path.is_file():
             try:
                 with tarfile.open(self.path, "r:xz") as archive:
                     members = [one for one in archive if one.isfile() and one.size <= FILE_BYTES_MAX]
                     self.members = {one.name.removeprefix("./"): archive.extractfile(one).read() for one in members}
             except (tarfile.TarError, lzma.LZMAError, EOFError, OSError) as error:
-                raise ValueError(f"COMRAD_POLICIES={named} is no whole .tar.xz ({error}); get it again") from None
+                raise ValueError(f"{path} is no whole .tar.xz ({error}); get it again") from None
         try:
             index = json.loads(self.content(INDEX))
         except (OSError, KeyError, ValueError):
             index = None
         if not isinstance(index, dict) or index.get("format") != FORMAT or not isinstance(index.get("policies"), dict):
-            raise ValueError(f"COMRAD_POLICIES={named} has no {INDEX} of comrad pack-policies")
+            raise ValueError(f"{path} has no {INDEX} of comrad pack-policies; COMRAD_POLICIES names an archive or the folder where it was unpacked")
         self.policies = index["policies"]
 
     def content(self, name: str) -> bytes:
@@ -191,7 +202,7 @@ def main() -> int:
         if arguments.way == "pack":
             pack(arguments.learner, arguments.output, arguments.folders)
             return 0
-        source = Source(os.environ.get("COMRAD_POLICIES", ""))
+        source = Source(named())
         for name, run in fetch(source, arguments.names, arguments.train_dir).items():
             one = source.policies[name]
             print(f"{run}: {one.get('algo')}, seed {one.get('seed')}, J {number(one.get('J_mean')):.4g}; comrad watch {run}")

@@ -16,7 +16,7 @@ NEEDS = {
     "report": "trained runs",
     "export": "trained runs",
     "pack-policies": "finished sweeps",
-    "fetch-policies": "an archive of policies",
+    "fetch-policies": "a folder of runs",
     "ctl": "a run that is alive",
     "acs": "a script",
     "join": "another host",

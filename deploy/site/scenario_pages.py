@@ -4,7 +4,7 @@
     scenario_pages.py --comrad PROGRAM --pages DIR [NAME ...]
 
 A page is scenarios/<name>/README.md, whose part between two marks generated() writes, with what media() draws: a GIF of the
-scripted team, all views side by side, the map from above and, where COMRAD_POLICIES has a policy, a GIF of what was learned. What
+scripted team, all views side by side, the map from above and, where there is a kept policy, a GIF of what was learned. What
 lies in DIR already and is newer than the program and the scenario is left as it is. Links that lead out of DIR become text.
 """
 
@@ -180,7 +180,7 @@ def is_fresh(path: pathlib.Path, comrad: str, home: pathlib.Path, name: str) -> 
     sources = [pathlib.Path(comrad).with_name("comrad-sim-video"), *(home / "scenarios" / name).glob("*.*")]
     sources = [one for one in sources if one.suffix in ("", ".toml", ".cc", ".acs", ".decorate") and one.exists()]
     if path.name == LEARNED:
-        sources.append(pathlib.Path(os.environ["COMRAD_POLICIES"]))
+        sources.append(policies.named())
     return path.exists() and all(path.stat().st_mtime > one.stat().st_mtime for one in sources)
 
 
@@ -211,13 +211,11 @@ def with_media(text: str, shown: str) -> str:
 
 
 def all_media(comrad: str, home: pathlib.Path, names: list[str], folder: pathlib.Path) -> dict[str, str]:
-    """media() of each game, as many at once as there are cores. Policies are those of COMRAD_POLICIES."""
+    """media() of each game, as many at once as there are cores. Policies are those that fetch-policies finds."""
     with tempfile.TemporaryDirectory(prefix="comrad_pages_") as scratch, concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        kept = {}
-        if os.environ.get("COMRAD_POLICIES"):
-            source = policies.Source(os.environ["COMRAD_POLICIES"])
-            for name in set(names) & set(source.policies):
-                kept |= policies.fetch(source, [name], pathlib.Path(scratch))
+        source, kept = policies.Source(policies.named()), {}
+        for name in set(names) & set(source.policies):
+            kept |= policies.fetch(source, [name], pathlib.Path(scratch))
         return dict(zip(names, pool.map(lambda name: media(comrad, home, name, folder / name, kept.get(name)), names)))
 
 

@@ -46,8 +46,9 @@ int fetch_policies_command(Arguments arguments) {
   CommandLine line(
       "fetch-policies [SCENARIO...]",
       "Checks the kept policies of these scenarios (all) and puts each into a run directory,\n"
-      "<train_dir>/policy_<scenario>, for eval, watch and play: --policy policy_lava_pit. They come\n"
-      "from COMRAD_POLICIES: the archive of a release, or the folder where it was unpacked.");
+      "<train_dir>/policy_<scenario>, for eval, watch and play: --policy policy_armory_siege. They come\n"
+      "from COMRAD_POLICIES, the archive of a release or the folder where it was unpacked; without it\n"
+      "they are the few that lie beside the scenarios.");
   line.add_words("SCENARIO", names, "scenarios whose policies to fetch");
   line.add_option("train_dir", train_dir, "DIR", "folder that holds the runs (default train_dir)");
   return run_command("fetch-policies", line, arguments, [&] {

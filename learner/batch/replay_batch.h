@@ -81,8 +81,8 @@ ReplayBatch make_replay_batch(const ReplayBatchOptions& options);
 
 /// What `device` was given so far may read the batch later than its learner returns from the update. Threads: the learner's.
 void hand_back(ReplayBatch& batch, torch::Device device);
-/// Copies `draws` (world_count of them) out of the replay, once the device has read what was there. A trajectory that was evicted meanwhile leaves a
-/// world without valid steps.
+/// Copies `draws` (world_count of them) out of the replay, once the device has read what was there. A trajectory that was evicted
+/// meanwhile leaves a world without valid steps.
 void fill(ReplayBatch& batch, const ReplayBatchOptions& options, const replay::Replay& replay,
           std::span<const replay::Draw> draws);
 

@@ -4,9 +4,10 @@
 //   nu_t    = (1 - beta) nu_{t-1} + beta mean(y^2)        y: the targets of update t, in natural units
 //   sigma_t = sqrt(nu_t / (1 - (1 - beta)^t))             within [1e-4, 1e6]; beta = 1e-3
 //
-// Sigma moves at each of the first updates and then at every 64th, so that a learner seldom waits for its device. When it moves, the last layers are divided by as much, so Q-values in natural units stay (QLearning::
-// rescale_outputs). That is PopArt with its scale alone: a shift would not pass through a mixer. Until the first
-// reward nothing is known of the size, and sigma is 1; then it begins with the size of that batch's rewards.
+// Sigma moves at each of the first updates and then at every 64th, so that a learner seldom waits for its device. When it moves,
+// the last layers are divided by as much, so Q-values in natural units stay (QLearning::rescale_outputs). That is PopArt with its
+// scale alone: a shift would not pass through a mixer. Until the first reward nothing is known of the size, and sigma is 1; then it
+// begins with the size of that batch's rewards.
 // Source: van Hasselt et al. 2016, Learning values across many orders of magnitude, arXiv:1602.07714, eqs. 5-7
 // and proposition 1. Stage: update, checkpoint.
 #pragma once

@@ -293,6 +293,17 @@ TEST_F(EvaluationOfRuns, RewardsInStagesAreNotWhatIsScored) {
 }
 
 // A sweep's folder with the runs of this suite and what their evaluations kept.
+TEST_F(EvaluationOfRuns, PoliciesBesideTheScenariosPlay) {
+  const std::string fetched = *scratch_ / "beside";
+  const Ending done = comrad({"fetch-policies", "--train_dir", fetched}, {{"COMRAD_POLICIES", ""}});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  ASSERT_EQ(std::ranges::count(done.out, '\n'), 3) << done.out;
+  for (const fs::directory_entry& run : fs::directory_iterator(fetched))
+    EXPECT_THAT(
+        play({"--policy", run.path().filename(), "--train_dir", fetched, "--decision_limit", "20"})["each"],
+        SizeIs(2));
+}
+
 TEST_F(EvaluationOfRuns, TheBestPolicyIsPackedFetchedAndPlays) {
   const std::string kept = *scratch_ / "kept", archive = *scratch_ / "policies.tar.xz",
                     fetched = *scratch_ / "fetched", name = "coop_health_gathering";
@@ -325,12 +336,12 @@ TEST_F(EvaluationOfRuns, TheBestPolicyIsPackedFetchedAndPlays) {
                 .exit_code,
             0);
   EXPECT_EQ(read_text(fetched + "/policy_" + name + "/checkpoint/" + file), read_text(expected));
+  EXPECT_THAT(read_text(fetched + "/policy_" + name + "/config.toml"), Not(HasSubstr(scratch_->string())));
   const nlohmann::json result = play({"--policy", "policy_" + name, "--train_dir", fetched});
   EXPECT_THAT(result["each"], SizeIs(2));
   EXPECT_EQ(result["scenario"], name);
 
   for (const auto& [ending, message] : std::vector<std::pair<Ending, std::string>>{
-           {fetch({}, {{"COMRAD_POLICIES", ""}}), "COMRAD_POLICIES is not set"},
            {fetch({}, {{"COMRAD_POLICIES", run("a")}}), "has no policies.json"},
            {fetch({}, {{"COMRAD_POLICIES", checkpoint("a")}}), "is no whole .tar.xz"},
            {fetch({"lava_pit"}, from), "there is no policy of lava_pit; there are " + name}}) {

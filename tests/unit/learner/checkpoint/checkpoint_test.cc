@@ -11,6 +11,8 @@
 #include <string>
 
 #include "policy_workers/device/torch_ops.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/trained_game.h"
 #include "tests/support/same_value.h"
 #include "tests/support/scratch_folder.h"
 
@@ -64,12 +66,21 @@ TEST_F(CheckpointTest, WhatIsToBePlayedHasNoMomentsAndRoundedWeights) {
   state.put("network/large", large);
   state.put("normalizer/large", large.to(torch::kFloat64));
   state.put("optimizer/0.exp_avg", torch::ones({3}));
+  RunConfig config;
+  config.run.seed = 5;
+  config.run.train_dir = "/runs/here";
+  config.environment.wad = "/runs/here/a.wad";
+  state.put("config/toml", settings_to_toml(config));
   ASSERT_TRUE(write_checkpoint(path("whole.pt"), state));
   ASSERT_TRUE(write_to_be_played(path("whole.pt"), path("kept.pt")));
   const Expected<StateDict> kept = read_checkpoint(path("kept.pt"));
   ASSERT_TRUE(kept) << kept.error().message;
   EXPECT_EQ(kept->tensor("optimizer/0.exp_avg")->count_nonzero().item<int64_t>(), 0);
   EXPECT_EQ(kept->values().size(), state.values().size());
+  const Expected<RunConfig> settings = settings_of_checkpoint(*kept->text("config/toml"), "kept.pt");
+  ASSERT_TRUE(settings) << settings.error().message;
+  EXPECT_EQ(settings->run.seed, 5);
+  EXPECT_EQ(kept->text("config/toml")->find("/runs"), std::string::npos);
   EXPECT_TRUE(torch::equal(*kept->tensor("network/weight"), *state.tensor("network/weight")));
   EXPECT_EQ(*kept->integer("counters/env_frames"), int64_t{1} << 40);
   const torch::Tensor rounded = *kept->tensor("network/large");
