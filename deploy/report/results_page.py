@@ -488,7 +488,8 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
             "",
             f"![Learning curves]({link(PICTURE)})",
             "",
-            "Thick: the mean over seeds; thin: single seeds. A scripted team whose score is beyond a panel is named at its edge.",
+            "Thick: the mean over seeds; thin: single seeds. A scripted team whose score is beyond a panel is named at its edge. Where a "
+            "recipe trains on a scenario's stages (Stealth Labyrinth, Lava Maze), J is that of these.",
             "",
         ]
     beside = paper_table(kept, published)
