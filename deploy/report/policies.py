@@ -97,10 +97,12 @@ def pack(learner: str, output: pathlib.Path, folders: list[pathlib.Path]) -> Non
         for scenario, (run, answer) in sorted(best.items()):
             checkpoint = newest_checkpoint(run)
             small = pathlib.Path(scratch, checkpoint.name)
-            done = subprocess.run([learner, "--to_be_played", checkpoint, small], capture_output=True, text=True, check=False)
+            settings = pathlib.Path(scratch, "config.toml")
+            settings.write_bytes(portable_settings(run))
+            done = subprocess.run([learner, "--to_be_played", checkpoint, small, settings], capture_output=True, text=True, check=False)
             if done.returncode:
                 raise ValueError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"{learner} could not read {checkpoint}")
-            files = {"config.toml": portable_settings(run), f"checkpoint/{checkpoint.name}": small.read_bytes()}
+            files = {"config.toml": settings.read_bytes(), f"checkpoint/{checkpoint.name}": small.read_bytes()}
             small.unlink()
             contents |= {f"{scenario}/{name}": content for name, content in files.items()}
             about = {key: answer.get(key) for key in ("algo", "seed", "env_frames", "J_mean", "J_ci95", "scenario_version", "commit", "checkpoint_hash")}

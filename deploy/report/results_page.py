@@ -204,6 +204,12 @@ def score_table(study: Study, kept: Kept, scenarios: list[str]) -> Table:
     return table
 
 
+def staged_sentence(kept: Kept) -> str:
+    """Which curves are those of a scenario's stages; empty where none is."""
+    staged = dict.fromkeys(row.run.scenario.replace("_", " ") for row in kept.rows if row.run.settings.get("layout_pool") == "curriculum")
+    return f" Runs of {joined(list(staged))} train on the scenario's stages: J is that of these." if staged else ""
+
+
 def aggregates_of(study: Study, kept: Kept) -> tuple[list[str], dict[str, list[np.ndarray]]]:
     """Normalised J of each algorithm, [scenario] of [seeds] f64, over the scenarios that have a reference and comparable
     runs of all algorithms."""
@@ -488,8 +494,8 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
             "",
             f"![Learning curves]({link(PICTURE)})",
             "",
-            "Thick: the mean over seeds; thin: single seeds. A scripted team whose score is beyond a panel is named at its edge. Where a "
-            "recipe trains on a scenario's stages (Stealth Labyrinth, Lava Maze), J is that of these.",
+            "Thick: the mean over seeds; thin: single seeds. A scripted team whose score is beyond a panel is named at its edge."
+            + staged_sentence(kept),
             "",
         ]
     beside = paper_table(kept, published)

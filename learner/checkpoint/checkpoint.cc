@@ -23,8 +23,6 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/take_number.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/settings/layers.h"
-#include "rollout_buffer/settings/trained_game.h"
 
 namespace comrad::learn {
 namespace {
@@ -268,18 +266,9 @@ torch::Tensor with_significant_bits(const torch::Tensor& x, int bits) {
   return torch::ldexp(torch::round(mantissa * steps) / steps, exponent);
 }
 
-/// Settings without those that name where the run lay.
-std::string portable(const std::string& settings) {
-  Expected<RunConfig> config = settings_of_checkpoint(settings, "config/toml");
-  if (!config) return settings;
-  config->run.train_dir = RunSettings().train_dir;
-  config->environment.wad.clear();
-  return settings_to_toml(*config);
-}
-
 }  // namespace
 
-Status write_to_be_played(const std::string& from, const std::string& to) {
+Status write_to_be_played(const std::string& from, const std::string& to, const std::string& settings) {
   COMRAD_TRY_ASSIGN(const StateDict whole, read_checkpoint(from));
   StateDict kept;
   for (const auto& [key, value] : whole.values()) {
@@ -290,12 +279,10 @@ Status write_to_be_played(const std::string& from, const std::string& to) {
       kept.put(key,
                with_significant_bits(
                    *tensor, tensor->scalar_type() == torch::kFloat64 ? kBitsOfStatistics : kBitsOfWeights));
-    else if (const auto* const text = std::get_if<std::string>(&value);
-             text != nullptr && key == "config/toml")
-      kept.put(key, portable(*text));
     else
       std::visit([&](const auto& same) { kept.put(key, same); }, value);
   }
+  kept.put("config/toml", settings);
   return write_checkpoint(to, kept);
 }
 

@@ -58,8 +58,8 @@ Status write_checkpoint(const std::string& path, const StateDict& state);
 Expected<StateDict> read_checkpoint(const std::string& path);
 
 /// Writes the checkpoint at `from` to `to` as an archive packs it small, to be played: with an optimizer that has made no step, and
-/// weights of 7 significant bits (a bfloat16 has 8), statistics of pixels of 12, and without the run's place in its settings. Errors: as read_checkpoint and write_checkpoint.
-Status write_to_be_played(const std::string& from, const std::string& to);
+/// weights of 7 significant bits (a bfloat16 has 8), statistics of pixels of 12, and with `settings`, TOML, for the run's. Errors: as read_checkpoint and write_checkpoint.
+Status write_to_be_played(const std::string& from, const std::string& to, const std::string& settings);
 
 /// One periodic checkpoint on disk.
 struct CheckpointFile {

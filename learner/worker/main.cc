@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -15,6 +16,7 @@
 #include "learner/worker/learner.h"
 #include "learner/worker/seat_server.h"
 #include "policy_workers/device/cpu_tuning.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/shm/arena.h"
@@ -73,8 +75,11 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc == 4 && std::string_view(argv[1]) == "--to_be_played") {  // comrad pack-policies
-    const Status written = learn::write_to_be_played(argv[2], argv[3]);
+  if (argc == 5 && std::string_view(argv[1]) == "--to_be_played") {  // comrad pack-policies
+    const std::optional<std::string> settings = read_file(argv[4]);
+    const Status written = settings
+                               ? learn::write_to_be_played(argv[2], argv[3], *settings)
+                               : Status(Error{ErrorCode::kNotFound, std::string("cannot read ") + argv[4]});
     if (!written) std::fprintf(stderr, "comrad-learner: error: %s\n", written.error().message.c_str());
     return written ? 0 : exit_code(written.error());
   }

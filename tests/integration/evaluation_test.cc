@@ -331,7 +331,8 @@ TEST_F(EvaluationOfRuns, TheBestPolicyIsPackedFetchedAndPlays) {
   }
   // Weights are rounded, so drawn actions may differ from b's; the file is what the learner makes of b's.
   const std::string expected = *scratch_ / "expected.pt", file = fs::path(checkpoint("b")).filename();
-  ASSERT_EQ(RunningProgram({program("comrad-learner"), "--to_be_played", checkpoint("b"), expected})
+  ASSERT_EQ(RunningProgram({program("comrad-learner"), "--to_be_played", checkpoint("b"), expected,
+                            fetched + "/policy_" + name + "/config.toml"})
                 .wait()
                 .exit_code,
             0);

@@ -72,7 +72,9 @@ TEST_F(CheckpointTest, WhatIsToBePlayedHasNoMomentsAndRoundedWeights) {
   config.environment.wad = "/runs/here/a.wad";
   state.put("config/toml", settings_to_toml(config));
   ASSERT_TRUE(write_checkpoint(path("whole.pt"), state));
-  ASSERT_TRUE(write_to_be_played(path("whole.pt"), path("kept.pt")));
+  config.run.train_dir = "train_dir";
+  config.environment.wad.clear();
+  ASSERT_TRUE(write_to_be_played(path("whole.pt"), path("kept.pt"), settings_to_toml(config)));
   const Expected<StateDict> kept = read_checkpoint(path("kept.pt"));
   ASSERT_TRUE(kept) << kept.error().message;
   EXPECT_EQ(kept->tensor("optimizer/0.exp_avg")->count_nonzero().item<int64_t>(), 0);
