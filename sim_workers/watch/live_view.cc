@@ -155,10 +155,11 @@ void LiveView::read_commands(int wait_ms) {
   for (const json& command : link_.commands(wait_ms)) obey(command);
 }
 
-/// While `waits` is true, and while no page is open.
+/// While `waits` is true, and while no page is open. Between decisions alone: a page that shows "paused" moves no more.
 void LiveView::wait_while(const DoomEnvironment& environment, const std::function<bool()>& waits) {
   read_commands(0);
   is_waiting_ = true;
+  if (waits()) drawn_ = {};
   while (!is_left() && (pages_ == 0 || waits())) {
     if (pages_ > 0 && (drawn_ == Clock::time_point() || is_look_new_)) show(environment);
     read_commands(kCommandWaitMs);
@@ -197,7 +198,7 @@ void LiveView::began(const DoomEnvironment& environment) {
   link_.send(began_words(environment));
   drawn_ = {};
   if (!people_.empty()) may_begin_ = false;
-  wait_while(environment, [this] { return !people_.empty() && !may_begin_; });
+  wait_while(environment, [this] { return pace_ == Pace::kPause || (!people_.empty() && !may_begin_); });
   show(environment);
   pass_time(environment, 1);
   ++episodes_;
@@ -214,21 +215,22 @@ void LiveView::ticked(const DoomEnvironment& environment) {
   }
   if (is_left()) return;
   const auto apart = std::chrono::duration<double>(0.98 / options_.pictures_per_s);
-  if (is_end || pace_ == Pace::kPause || Clock::now() - drawn_ >= apart) show(environment);
+  if (is_end || Clock::now() - drawn_ >= apart) show(environment);
   pass_time(environment, is_end && speed_ > 0 && people_.empty() ? kOverTics : 1);
   // A person's episode has ended: began() waits. A decision is played to its end before it pauses.
   if (ends_decision && !(is_end && !people_.empty()))
     wait_while(environment, [this] { return pace_ == Pace::kPause; });
 }
 
+/// Shows nothing to a page that is behind, except an episode's end; the next call tries again.
 void LiveView::show(const DoomEnvironment& environment) {
-  drawn_ = Clock::now();
   if (std::exchange(is_look_new_, false)) {
     const Status made = make_renderer_of(environment.game(), wanted_look_);
     refused_ = made ? "" : made.error().message;
     wanted_look_ = look_;
   }
-  if (!link_.takes_pictures()) return;
+  if (!link_.takes_pictures() && !environment.last_step().episode_over()) return;
+  drawn_ = Clock::now();
   std::vector<doom::ViewRequest> requests;
   for (std::size_t agent = 0; agent < views_.size(); ++agent)
     requests.push_back({&environment.world(), static_cast<int>(agent), views_[agent].data()});
@@ -302,9 +304,10 @@ json LiveView::now_words(const DoomEnvironment& environment) const {
       things.push_back({whole(actor.x), whole(actor.y), is_monster ? 1 : 0});
   }
   const Step& step = environment.last_step();
-  const char* const pace = pace_ == Pace::kPause                            ? "paused"
-                           : is_waiting_ && !people_.empty() && !may_begin_ ? "waiting"
-                                                                            : "running";
+  const char* const pace = !is_waiting_                      ? "running"
+                           : pace_ == Pace::kPause           ? "paused"
+                           : !people_.empty() && !may_begin_ ? "waiting"
+                                                             : "running";
   return {{"type", "now"},
           {"tic", summary.length_tics},
           {"decision", summary.length_steps},

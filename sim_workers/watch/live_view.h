@@ -30,7 +30,7 @@ struct LiveViewOptions {
 /// The page's commands:
 ///
 ///   {"do": "shown", "pages": 2}              how many pages look; without one nothing is played
-///   {"do": "pause"} {"do": "run"}
+///   {"do": "pause"} {"do": "run"}            a decision that is under way is played to its end first; then "pace" is "paused"
 ///   {"do": "step"}                           one decision, then pause
 ///   {"do": "begin"}                          the next episode, which people begin themselves
 ///   {"do": "speed", "times": 2}              of 35 tics a second; 0: as fast as it goes
