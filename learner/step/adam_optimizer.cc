@@ -9,6 +9,7 @@
 #include "policy_workers/device/share_out.h"
 #include "policy_workers/device/torch_ops.h"
 #include "policy_workers/kernels/elementwise.h"
+#include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {
 namespace {
@@ -42,11 +43,15 @@ AdamSettings AdamSettings::from(const RunConfig& config) {
           .max_grad_norm = config.optimisation.max_grad_norm};
 }
 
+/// The moments of all parameters lie one behind the other, so that a device starts a few kernels in all, not for each.
 struct AdamOptimizer::State {
   std::vector<torch::Tensor> parameters;
   AdamSettings settings;
-  std::vector<torch::Tensor> mean,
-      square;           ///< exp_avg and exp_avg_sq; undefined before a parameter's first gradient
+  torch::Tensor all_means,
+      all_squares;  ///< exp_avg and exp_avg_sq [elements]; 0 before a parameter's first gradient
+  std::vector<torch::Tensor> mean, square;  ///< of a parameter: its part of them, in its shape
+  std::vector<bool> has_stepped;            ///< by parameter
+  torch::Tensor owner;  ///< i32 [elements], on the device: whose element it is; made at the first step there
   torch::Tensor steps;  ///< f64 [], on the device: steps taken
   torch::Tensor
       steps_before;  ///< f64 [P], on the device: of those, before a parameter's moments were cleared
@@ -58,29 +63,39 @@ struct AdamOptimizer::State {
              parameter.is_contiguous();
     });
   }
-  void make_moments(std::size_t index) {
-    if (mean[index].defined()) return;
-    mean[index] = torch::zeros_like(parameters[index], parameters[index].options().requires_grad(false));
-    square[index] = torch::zeros_like(mean[index]);
+  /// Each parameter's part of numbers [elements], in its shape.
+  std::vector<torch::Tensor> parts_of(const torch::Tensor& numbers) const {
+    std::vector<torch::Tensor> parts;
+    int64_t first = 0;
+    for (const torch::Tensor& parameter : parameters) {
+      parts.push_back(numbers.narrow(0, first, parameter.numel()).view(parameter.sizes()));
+      first += parameter.numel();
+    }
+    return parts;
   }
 };
 
 AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSettings& settings)
-    : state_(new State{.parameters = std::move(parameters),
-                       .settings = settings,
-                       .mean = {},
-                       .square = {},
-                       .steps = {},
-                       .steps_before = {},
-                       .gradient_norms = {}}) {
-  state_->mean.resize(state_->parameters.size());
-  state_->square.resize(state_->parameters.size());
-  const torch::Device device =
-      state_->parameters.empty() ? torch::Device(torch::kCPU) : state_->parameters.front().device();
-  state_->steps = torch::zeros({}, torch::TensorOptions(torch::kFloat64).device(device));
-  state_->gradient_norms =
-      torch::zeros({static_cast<int64_t>(state_->parameters.size())}, state_->steps.options());
-  state_->steps_before = torch::zeros_like(state_->gradient_norms);
+    : state_(new State) {
+  COMRAD_CHECK(!parameters.empty(), "an optimizer has parameters");
+  State& state = *state_;
+  state.parameters = std::move(parameters);
+  state.settings = settings;
+  const auto options = state.parameters.front().options().requires_grad(false);
+  int64_t elements = 0;
+  for (const torch::Tensor& parameter : state.parameters) {
+    COMRAD_CHECK(parameter.scalar_type() == options.dtype() && parameter.device() == options.device(),
+                 "an optimizer's parameters are of one type, on one device");
+    elements += parameter.numel();
+  }
+  state.all_means = torch::zeros({elements}, options);
+  state.all_squares = torch::zeros_like(state.all_means);
+  state.mean = state.parts_of(state.all_means);
+  state.square = state.parts_of(state.all_squares);
+  state.has_stepped.resize(state.parameters.size());
+  state.steps = torch::zeros({}, options.dtype(torch::kFloat64));
+  state.gradient_norms = torch::zeros({static_cast<int64_t>(state.parameters.size())}, state.steps.options());
+  state.steps_before = torch::zeros_like(state.gradient_norms);
 }
 AdamOptimizer::~AdamOptimizer() = default;
 AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
@@ -90,10 +105,12 @@ const std::vector<torch::Tensor>& AdamOptimizer::parameters() const { return sta
 
 void AdamOptimizer::zero_grad() {
   // Zeroed in place rather than dropped: the buffers of 13 MB are reused by every backward pass.
+  std::vector<torch::Tensor> gradients;
   for (torch::Tensor& parameter : state_->parameters) {
     torch::Tensor& gradient = parameter.mutable_grad();
-    if (gradient.defined()) gradient.detach_().zero_();
+    if (gradient.defined()) gradients.push_back(gradient.detach_());
   }
+  if (!gradients.empty()) at::_foreach_zero_(gradients);
 }
 
 std::vector<std::size_t> AdamOptimizer::with_gradient() {
@@ -101,7 +118,7 @@ std::vector<std::size_t> AdamOptimizer::with_gradient() {
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
     if (!state_->parameters[i].grad().defined()) continue;
     indices.push_back(i);
-    state_->make_moments(i);
+    state_->has_stepped[i] = true;
   }
   return indices;
 }
@@ -164,35 +181,52 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
   return outcome;
 }
 
-/// The same as operators, which any device works off by itself.
+/// The same as operators, which any device works off by itself: over all parameters at once. One without a gradient has one of 0, and
+/// moments of 0.
 torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indices,
                                             const torch::Tensor& learning_rate, const torch::Tensor& loss) {
-  const AdamSettings& settings = state_->settings;
-  std::vector<torch::Tensor> norms(state_->parameters.size(), torch::zeros_like(state_->steps));
-  for (const std::size_t i : indices) norms[i] = state_->parameters[i].grad().norm().to(torch::kFloat64);
-  if (!norms.empty()) state_->gradient_norms.copy_(torch::stack(norms));
-  const torch::Tensor norm = state_->gradient_norms.square().sum().sqrt();
+  State& state = *state_;
+  const AdamSettings& settings = state.settings;
+  const auto type = state.all_means.scalar_type();
+  std::vector<torch::Tensor> gradients, flat;
+  for (const std::size_t i : indices) gradients.push_back(state.parameters[i].grad());
+  std::vector<torch::Tensor> norms(state.parameters.size(), torch::zeros({}, state.all_means.options()));
+  if (!indices.empty()) {
+    const std::vector<torch::Tensor> of_gradients = at::_foreach_norm(gradients);
+    for (std::size_t k = 0; k < indices.size(); ++k) norms[indices[k]] = of_gradients[k];
+  }
+  for (const torch::Tensor& parameter : state.parameters)
+    flat.push_back(parameter.grad().defined() ? parameter.grad().reshape(-1)
+                                              : torch::zeros({parameter.numel()}, state.all_means.options()));
+  state.gradient_norms.copy_(torch::stack(norms));
+  const torch::Tensor norm = state.gradient_norms.square().sum().sqrt();
   torch::Tensor is_finite = norm.isfinite();
   if (loss.defined()) is_finite = is_finite.logical_and(loss.detach().isfinite().reshape({}));
   const torch::Tensor taken = is_finite.to(torch::kFloat64);
   const double limit = settings.max_grad_norm;
   const torch::Tensor scale = limit > 0 ? (limit / (norm + 1e-6)).clamp_max(1.0) : torch::ones_like(norm);
-  state_->steps.add_(taken);
-  const torch::Tensor since = (state_->steps - state_->steps_before).clamp_min(1.0);  // [P]
+  state.steps.add_(taken);
+  const torch::Tensor since = (state.steps - state.steps_before).clamp_min(1.0);  // [P]
   const torch::Tensor step_sizes = learning_rate * taken / (1 - at::pow(settings.beta1, since)),
                       root_scales = (1 - at::pow(settings.beta2, since)).rsqrt();
-  for (const std::size_t i : indices) {
-    torch::Tensor &parameter = state_->parameters[i], &mean = state_->mean[i], &square = state_->square[i];
-    const auto type = parameter.scalar_type();
-    // A weight of 0 leaves the moments, and a gradient of 0 keeps what is not finite out of the product.
-    const torch::Tensor gradient = torch::where(is_finite, parameter.grad() * scale.to(type),
-                                                torch::zeros({}, parameter.options().requires_grad(false)));
-    mean.lerp_(gradient, ((1 - settings.beta1) * taken).to(type).expand_as(mean));
-    square.lerp_(gradient.square(), ((1 - settings.beta2) * taken).to(type).expand_as(square));
-    const auto at_parameter = static_cast<int64_t>(i);
-    parameter.sub_(mean / (square.sqrt() * root_scales[at_parameter].to(type) + settings.epsilon) *
-                   step_sizes[at_parameter].to(type));
+  if (!state.owner.defined()) {
+    std::vector<torch::Tensor> owners;
+    for (const torch::Tensor& parameter : state.parameters)
+      owners.push_back(torch::full({parameter.numel()}, static_cast<int64_t>(owners.size()), torch::kInt32));
+    state.owner = at::cat(owners).to(state.all_means.device());
   }
+  const auto of_elements = [&](const torch::Tensor& of_parameters) {
+    return of_parameters.to(type).index_select(0, state.owner);
+  };
+  // A weight of 0 leaves the moments, and a gradient of 0 keeps what is not finite out of the product.
+  const torch::Tensor gradient =
+      torch::where(is_finite, at::cat(flat) * scale.to(type), torch::zeros({}, state.all_means.options()));
+  torch::Tensor &mean = state.all_means, &square = state.all_squares;
+  mean.lerp_(gradient, ((1 - settings.beta1) * taken).to(type).expand_as(mean));
+  square.lerp_(gradient.square(), ((1 - settings.beta2) * taken).to(type).expand_as(square));
+  const torch::Tensor root = square.sqrt().mul_(of_elements(root_scales)).add_(settings.epsilon);
+  at::_foreach_sub_(state.parameters, state.parts_of((mean / root).mul_(of_elements(step_sizes))));
+  for (const torch::Tensor& parameter : state.parameters) parameter.unsafeGetTensorImpl()->bump_version();
   return torch::stack({taken, norm});
 }
 
@@ -204,7 +238,7 @@ void AdamOptimizer::clear_moments(std::size_t index) {
   state_->steps_before[static_cast<int64_t>(index)].copy_(state_->steps);
 }
 
-bool AdamOptimizer::has_stepped(std::size_t index) const { return state_->mean[index].defined(); }
+bool AdamOptimizer::has_stepped(std::size_t index) const { return state_->has_stepped[index]; }
 
 double AdamOptimizer::gradient_norm(std::size_t index) const {
   return state_->gradient_norms[static_cast<int64_t>(index)].item<double>();
@@ -221,11 +255,7 @@ double AdamOptimizer::step_multiplier(std::size_t index) const {
 }
 
 torch::Tensor AdamOptimizer::max_second_moment() const {
-  torch::NoGradGuard no_grad;
-  std::vector<torch::Tensor> largest = {torch::zeros_like(state_->steps)};
-  for (const torch::Tensor& square : state_->square)
-    if (square.defined()) largest.push_back(square.max().to(torch::kFloat64));
-  return torch::stack(largest).max();
+  return state_->all_squares.max().to(torch::kFloat64);
 }
 
 void AdamOptimizer::save(StateDict& state, const std::string& section, const std::string& prefix) const {
@@ -246,12 +276,15 @@ Status AdamOptimizer::load(const StateDict& state, const std::string& section,
   torch::Tensor since = torch::full(state_->steps_before.sizes(), -1.0, torch::kFloat64);
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
     const std::string prefix = entry_prefix(section, key_prefix, i);
-    state_->mean[i] = state_->square[i] = torch::Tensor();
-    if (!state.has(prefix + ".step")) continue;
+    state_->has_stepped[i] = state.has(prefix + ".step");
+    if (!state_->has_stepped[i]) {
+      state_->mean[i].zero_();
+      state_->square[i].zero_();
+      continue;
+    }
     COMRAD_TRY_ASSIGN(const int64_t of_parameter, state.integer(prefix + ".step"));
     steps = std::max(steps, of_parameter);
     since.data_ptr<double>()[i] = static_cast<double>(of_parameter);
-    state_->make_moments(i);
     COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg", state_->mean[i]));
     COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg_sq", state_->square[i]));
   }

@@ -20,6 +20,10 @@ thread_local KeptFactors* factors_of_thread = nullptr;
 
 bool multiplies_bf16(torch::Device device) { return !device.is_cpu() || cpu_multiplies_bf16(); }
 
+bool keeps_bf16(torch::Device device, Precision precision) {
+  return precision == Precision::kBf16 && multiplies_bf16(device) && !device::has_own_kernels(device);
+}
+
 Tensor factor(const Tensor& x, Precision precision) {
   if (precision == Precision::kFp32) return x;
   const Tensor rounded = x.to(torch::kBFloat16);
@@ -69,7 +73,9 @@ Tensor linear(const Tensor& x, const Tensor& weight, const Tensor& bias, Precisi
     }
   }
   if (precision == Precision::kFp32) return at::linear(x, weight, bias);
-  return at::linear(factor(x, precision), weight_factor(weight, precision)) + bias;  // in f32, as the wider
+  const Tensor rows = factor(x, precision), matrix = weight_factor(weight, precision);
+  if (keeps_bf16(x.device(), precision)) return at::linear(rows, matrix, weight_factor(bias, precision));
+  return at::linear(rows, matrix) + bias;  // in f32, as the wider
 }
 
 }  // namespace comrad::policy

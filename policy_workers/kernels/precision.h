@@ -1,6 +1,6 @@
-// In which numbers convolutions and matrix products are computed. Weights, gradients, states, activations
-// between the products and all of the losses stay f32, as under autocast; heads and central critics are f32
-// as well, because ratios of probabilities are made from them. Serves forward and update.
+// In which numbers convolutions and matrix products are computed. Weights, their gradients, states and all of the losses stay f32, as
+// under autocast; heads and central critics are f32 as well, because ratios of probabilities are made from them. Serves forward and
+// update.
 #pragma once
 
 #include <torch/types.h>
@@ -20,6 +20,9 @@ using torch::Tensor;
 
 /// Whether `device` multiplies bfloat16 numbers itself.
 bool multiplies_bf16(torch::Device device);
+/// Whether a layer's result stays bfloat16 until something needs f32: on a GPU, where each conversion is a kernel. Our own kernels of a
+/// CPU add bias and activation in f32.
+bool keeps_bf16(torch::Device device, Precision precision);
 
 /// `x` as a factor of a product; the product's result goes through to_f32. Differentiable.
 Tensor factor(const Tensor& x, Precision precision);
@@ -57,7 +60,7 @@ class KeptFactors {
   std::vector<Kept> kept_;
 };
 
-/// x W^T + b in the given precision. Differentiable.
+/// x W^T + b in the given precision; f32, except where keeps_bf16(). Differentiable.
 Tensor linear(const Tensor& x, const Tensor& weight, const Tensor& bias, Precision precision);
 
 }  // namespace comrad::policy

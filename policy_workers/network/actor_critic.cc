@@ -260,7 +260,7 @@ Tensor ActorCritic::encode(const Tensor& frame, const Tensor& measurement) const
   for (std::size_t i = 0; i < impl.actors.size(); ++i)
     encoded.push_back(impl.actors[i].tower.encoder().forward(impl.rows_of_actor(frame, 0, i),
                                                              impl.rows_of_actor(measurement, 0, i)));
-  return impl.with_agent_id(interleave(encoded, 0));
+  return to_f32(impl.with_agent_id(interleave(encoded, 0)));
 }
 
 Tensor ActorCritic::logits_of(const Tensor& encoded, const Tensor& recurrent_state,

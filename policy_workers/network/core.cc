@@ -49,8 +49,15 @@ class StepProduct {
   bool packs_;
 };
 
+/// Room for what all steps begin with [T, B, hidden]; of one step without resets, that itself.
+Tensor states_before(const Tensor& state, const Tensor& keep, int64_t steps) {
+  if (steps == 1 && keep.numel() == 0 && state.is_contiguous()) return state.unsqueeze(0);
+  return torch::empty({steps, state.size(0), state.size(1)}, state.options());
+}
+
 /// What step t begins with: the state behind the step before it, or 0 where that was an episode's last.
 void carry_over(Tensor& into, const Tensor& state, const Tensor& keep, int64_t t) {
+  if (into.is_alias_of(state)) return;
   if (keep.numel() > 0)
     at::mul_out(into, state, keep[t]);
   else
@@ -75,7 +82,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
                         const Tensor& weight_hh, const Tensor& bias_hh, Precision precision) {
     const int64_t steps = gi.size(0), rows = gi.size(1), hidden = h0.size(1);
     const Tensor output = torch::empty({steps, rows, hidden}, gi.options());
-    const Tensor h_in = torch::empty({steps, rows, hidden}, gi.options());
+    const Tensor h_in = states_before(h0, keep, steps);
     const Tensor gates =
         torch::empty({steps, rows, 3 * hidden}, gi.options());  // r, z, n after their functions
     const Tensor gh_n = torch::empty({steps, rows, hidden}, gi.options());
@@ -137,12 +144,13 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
 
 /// The same on a GPU, where every operator of a step costs a start: what lies between two products is one kernel of torch's.
 struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
+  /// `no_bias` is 0: gi has its own.
   static Tensor forward(AutogradContext* context, const Tensor& gi, const Tensor& h0, const Tensor& keep,
-                        const Tensor& weight_hh, const Tensor& bias_hh, Precision precision) {
-    const int64_t steps = gi.size(0), rows = gi.size(1), hidden = h0.size(1);
-    const Tensor h_in = torch::empty({steps, rows, hidden}, gi.options());
+                        const Tensor& weight_hh, const Tensor& bias_hh, const Tensor& no_bias,
+                        Precision precision) {
+    const int64_t steps = gi.size(0);
+    const Tensor h_in = states_before(h0, keep, steps);
     const Tensor weight_t = weight_factor(weight_hh, precision).t();
-    const Tensor no_bias = torch::zeros_like(bias_hh);  // gi has its own
     tensor_list outputs, saved = {h_in, keep, weight_hh};
     Tensor h = h0;
     for (int64_t t = 0; t < steps; ++t) {
@@ -156,7 +164,7 @@ struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
     }
     context->save_for_backward(saved);
     context->saved_data["precision"] = static_cast<int64_t>(precision);
-    return at::stack(outputs);
+    return steps == 1 ? h.unsqueeze(0) : at::stack(outputs);
   }
 
   static tensor_list backward(AutogradContext* context, tensor_list grad_outputs) {
@@ -179,7 +187,8 @@ struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
     const Tensor flat = at::cat(of_gh);
     return {at::stack(of_gi), carried,
             Tensor(),         weight_gradient(flat, h_in.view({steps * rows, hidden}), precision),
-            flat.sum(0),      Tensor()};
+            flat.sum(0),      Tensor(),
+            Tensor()};
   }
 };
 
@@ -262,6 +271,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
 /// Weights of one recurrent layer.
 struct CellWeights {
   Tensor weight_ih, weight_hh, bias_ih, bias_hh;
+  Tensor no_bias;  ///< 0, as large
 };
 /// A layer's h (and, LSTM, c) after a step, or h of all steps [T, B, hidden] and the last c.
 struct CellOutput {
@@ -286,8 +296,9 @@ constexpr Cell kGru = {
     },
     .sequence = [](const Tensor& gi, const Tensor& h, const Tensor&, const Tensor& keep, const CellWeights& w,
                    Precision precision) -> CellOutput {
-      return {gi.is_cuda() ? FusedGruSequence::apply(gi, h, keep, w.weight_hh, w.bias_hh, precision)
-                           : GruSequence::apply(gi, h, keep, w.weight_hh, w.bias_hh, precision),
+      return {gi.is_cuda()
+                  ? FusedGruSequence::apply(gi, h, keep, w.weight_hh, w.bias_hh, w.no_bias, precision)
+                  : GruSequence::apply(gi, h, keep, w.weight_hh, w.bias_hh, precision),
               {}};
     }};
 
@@ -319,6 +330,7 @@ class RecurrentCore : public Core {
       weights.weight_hh = draw({rows, hidden_count_});
       weights.bias_ih = draw({rows});
       weights.bias_hh = draw({rows});
+      weights.no_bias = torch::zeros_like(weights.bias_hh);
       layers_.push_back(std::move(weights));
     }
   }
@@ -336,9 +348,9 @@ class RecurrentCore : public Core {
 
   CoreOutput sequence(const Tensor& input, const Tensor& state, const Tensor& keep) const override {
     // libtorch 1.13 takes no undefined tensor in a custom function; an empty one means "no resets".
-    const Tensor kept = keep.defined() ? keep : torch::empty({0}, input.options().requires_grad(false));
+    const Tensor kept = keep.defined() ? keep : torch::empty({0}, state.options().requires_grad(false));
     return run(input, state, [&](const Tensor& x, const Tensor& h, const Tensor& c, const CellWeights& w) {
-      return cell_.sequence(linear(x, w.weight_ih, w.bias_ih, precision_), h, c, kept, w, precision_);
+      return cell_.sequence(to_f32(linear(x, w.weight_ih, w.bias_ih, precision_)), h, c, kept, w, precision_);
     });
   }
 

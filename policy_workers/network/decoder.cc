@@ -23,7 +23,7 @@ Tensor Decoder::operator()(Tensor x) const {
     if (!norms_.empty()) x = layer_norm(x, norms_[i].weight, norms_[i].bias);
     x = at::elu(x);
   }
-  return x;
+  return to_f32(x);
 }
 
 NamedTensors Decoder::named_parameters() const {

@@ -39,6 +39,8 @@ InputNormalizer InputNormalizer::create(int64_t element_count, double scale, boo
   normalizer.mean_ = torch::zeros({element_count}, options);
   normalizer.variance_ = torch::ones({element_count}, options);
   normalizer.count_ = torch::ones({1}, options);
+  normalizer.lowest_ = torch::full({1}, -kInputClip, torch::TensorOptions(device));
+  normalizer.highest_ = -normalizer.lowest_;
   normalizer.derive();
   return normalizer;
 }
@@ -71,9 +73,13 @@ void InputNormalizer::derive() {
 Tensor InputNormalizer::normalize(const Tensor& rows, torch::ScalarType type) const {
   if (device::has_own_kernels(rows.device()) && rows.scalar_type() == torch::kUInt8)
     return normalize_bytes(rows, factor_, offset_).to(type);
-  if (!enabled_) return at::mul(rows, factor_).to(type);
-  // Rounded before the clip, which is cheaper and the same: its bounds are numbers of both types.
-  return at::addcmul(offset_, rows, factor_).to(type).clamp_(-kInputClip, kInputClip);
+  if (type == torch::kFloat32) {
+    if (!enabled_) return at::mul(rows, factor_);
+    return at::addcmul(offset_, rows, factor_).clamp_(-kInputClip, kInputClip);
+  }
+  Tensor rounded = torch::empty(rows.sizes(), factor_.options().dtype(type));
+  if (!enabled_) return at::mul_out(rounded, rows, factor_);
+  return at::clamp_out(rounded, at::addcmul(offset_, rows, factor_), lowest_, highest_);
 }
 
 void InputNormalizer::normalize_rows(std::span<const uint8_t* const> rows, float* out) const {

@@ -34,7 +34,7 @@ class InputNormalizer {
   /// `enabled` the scale is all that is applied.
   static InputNormalizer create(int64_t element_count, double scale, bool enabled, torch::Device device);
 
-  /// Normalises rows [B, elements] of u8 or f32 into f32, or into bf16, the f32 rounded.
+  /// Normalises rows [B, elements] of u8 or f32 into f32, or into bf16, the f32 rounded, without a gradient.
   Tensor normalize(const Tensor& rows, torch::ScalarType type = torch::kFloat32) const;
   /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has
   /// rows.size() rows.
@@ -62,8 +62,9 @@ class InputNormalizer {
 
   Tensor mean_, variance_, count_;  // f64
   std::optional<double> rows_seen_ =
-      1;                    // count_, known without asking the device; none once it came from outside
-  Tensor factor_, offset_;  // f32 [elements]
+      1;                     // count_, known without asking the device; none once it came from outside
+  Tensor factor_, offset_;   // f32 [elements]
+  Tensor lowest_, highest_;  // f32 [1], the clip
 };
 
 /// Rows [B, elements] of u8 on the CPU to f32: clamp(x * factor + offset), by the CPU's own loop.

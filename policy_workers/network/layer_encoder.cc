@@ -41,13 +41,15 @@ Tensor activated_in_place(Tensor x, Activation activation) {
   return activated(x, activation);
 }
 
-/// A convolution with its bias; the product in the given precision, the result f32.
+/// A convolution with its bias; the product in the given precision, the result f32, except where keeps_bf16().
 Tensor convolve(const Tensor& x, const Tensor& weight, const Tensor& bias, int64_t stride, int64_t padding,
                 Precision precision) {
   if (precision == Precision::kFp32) return at::conv2d(x, weight, bias, stride, padding);
-  const Tensor product =
-      at::conv2d(factor(x, precision), weight_factor(weight, precision), Tensor(), stride, padding);
-  return product + bias.view({1, -1, 1, 1});  // in f32, as the wider of the two
+  const Tensor in = factor(x, precision), kernel = weight_factor(weight, precision);
+  if (keeps_bf16(x.device(), precision))
+    return at::conv2d(in, kernel, weight_factor(bias, precision), stride, padding);
+  return at::conv2d(in, kernel, Tensor(), stride, padding) +
+         bias.view({1, -1, 1, 1});  // in f32, as the wider of the two
 }
 
 /// A layer with its tensors: none, weight and bias, or two of each (residual).
@@ -87,7 +89,7 @@ Tensor run_layers(Tensor x, std::span<const WeightedLayer> layers, std::span<con
         x = activated_in_place(linear(x, tensors[first], tensors[first + 1], precision), layer.activation);
         break;
       case LayerKind::kActivation:
-        x = activated(to_f32(x), layer.activation);
+        x = activated(x, layer.activation);
         break;
     }
   }
@@ -279,7 +281,7 @@ class LayerEncoder : public Encoder {
     const InputNormalizer& normalizer = normalizer_->frame;
     if (!device::has_own_kernels(device_) || map_tensors_ == 0) {
       const bool rounds =
-          precision_ == Precision::kBf16 && multiplies_bf16(device_) && !maps_.layers.empty() &&
+          keeps_bf16(device_, precision_) && !maps_.layers.empty() &&
           maps_.layers.front().layer.kind == LayerKind::kConv;  // which rounds its input anyway
       const Tensor pixels =
           normalizer.normalize(bytes.flatten(1), rounds ? torch::kBFloat16 : torch::kFloat32);
@@ -292,7 +294,7 @@ class LayerEncoder : public Encoder {
   }
 
   Tensor features(const Tensor& maps, const Tensor& measurement) const {
-    const Tensor x = to_f32(run_layers(maps, dense_, tensors_, precision_));
+    const Tensor x = run_layers(maps, dense_, tensors_, precision_);
     if (env_.measurement_count == 0) return x;
     COMRAD_CHECK(measurement.defined() && measurement.size(-1) == env_.measurement_count,
                  "this shape has a measurement vector");

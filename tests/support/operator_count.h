@@ -66,6 +66,14 @@ class OperatorCount {
         "aten::where",        "aten::zero_"};
     return kNames.contains(function.name());
   }
+  /// What it reads: results that are given to it, and what it overwrites without a look, are left out.
+  static c10::ArrayRef<const c10::IValue> read_by(const at::RecordFunction& function) {
+    const c10::ArrayRef<const c10::IValue> inputs = function.inputs();
+    const auto name = function.operator_name();
+    if (name && name->overload_name.ends_with("out")) return inputs.slice(0, inputs.size() - 1);
+    static const std::set<std::string_view> kOverwrite = {"aten::copy_", "aten::fill_", "aten::zero_"};
+    return kOverwrite.contains(function.name()) ? inputs.slice(1) : inputs;
+  }
   template <typename Values>
   static void add_bytes(const Values& values) {
     for (const c10::IValue& value : values)
@@ -75,7 +83,7 @@ class OperatorCount {
   static std::unique_ptr<at::ObserverContext> begin(const at::RecordFunction& function) {
     if (depth > 0 || !starts_a_kernel(function)) return nullptr;
     ++started;
-    add_bytes(function.inputs());
+    add_bytes(read_by(function));
     return std::make_unique<Kernel>();
   }
   static void end(const at::RecordFunction& function, at::ObserverContext* kernel) {

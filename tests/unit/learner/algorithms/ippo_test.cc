@@ -898,8 +898,8 @@ TEST(Ippo, AnUpdateStartsABoundedNumberOfKernels) {
     bytes[slabs / 8] = count.bytes();
   }
   EXPECT_EQ(kernels[0], kernels[1]);
-  EXPECT_LE(kernels[0], 640);
-  EXPECT_LE((bytes[1] - bytes[0]) / (4 * kAgents * shape.rollout_steps), 312'000) << "bytes of a decision";
+  EXPECT_LE(kernels[0], 452);
+  EXPECT_LE((bytes[1] - bytes[0]) / (4 * kAgents * shape.rollout_steps), 200'000) << "bytes of a decision";
 }
 
 }  // namespace ippo_test

@@ -98,6 +98,46 @@ TEST_P(EveryNet, GradientsReachEveryParameter) {
   }
 }
 
+// There the next layer takes a layer's bf16 result; what leaves the network is f32, as of a CPU's own kernels.
+TEST_P(EveryNet, ADevicesOperatorsAgreeWithTheCpuInBf16) {
+  if (!cpu_multiplies_bf16())
+    GTEST_SKIP() << "this processor has no bf16 products, so factors are rounded back";
+  NetworkOptions rounded = options();
+  rounded.precision = Precision::kBf16;
+  const ActorCritic net = ActorCritic::create(rounded, 3, torch::kCPU);
+  const Tensor frame = random_frames(rounded, {4, 6}), measurement = torch::randn({4, 6, 3}),
+               state = torch::randn({6, rounded.recurrent_state_count()});
+  net.update_input_statistics(frame.flatten(0, 1), measurement.flatten(0, 1));
+  struct Pass {
+    std::vector<Tensor> outputs, gradients;
+  };
+  const auto pass = [&] {
+    const PolicyOutput step = net.step(frame[0], measurement[0], state);
+    const SequenceOutput sequence = net.sequence(frame, measurement, state, {});
+    for (const Tensor& parameter : net.parameters()) parameter.mutable_grad() = Tensor();
+    (sequence.logits.square().mean() + sequence.value.square().mean()).backward();
+    Pass done = {.outputs = {step.logits, step.value, step.recurrent_state, sequence.logits, sequence.value,
+                             net.encode(frame[0], measurement[0])},
+                 .gradients = {}};
+    for (const Tensor& parameter : net.parameters()) done.gradients.push_back(parameter.grad());
+    return done;
+  };
+  const Pass own = pass();
+  const device::OperatorPath as_on_a_device;
+  const Pass operators = pass();
+  for (std::size_t i = 0; i < own.outputs.size(); ++i) {
+    EXPECT_EQ(operators.outputs[i].scalar_type(), torch::kFloat32) << i;
+    EXPECT_LE((own.outputs[i] - operators.outputs[i]).norm().item<double>(),
+              0.02 * own.outputs[i].norm().item<double>())
+        << i;
+  }
+  for (std::size_t i = 0; i < own.gradients.size(); ++i) {
+    const double size = own.gradients[i].norm().item<double>();
+    EXPECT_EQ(operators.gradients[i].scalar_type(), torch::kFloat32) << i;
+    EXPECT_LT((own.gradients[i] - operators.gradients[i]).norm().item<double>(), 0.05 * size) << i;
+  }
+}
+
 TEST_P(EveryNet, OneAgentsFrameDoesNotReachAnotherAgentsOutputs) {
   const ActorCritic net = ActorCritic::create(options(), 3, torch::kCPU);
   const Tensor frame = random_frames(options(), {6}), measurement = torch::randn({6, 3});
@@ -149,7 +189,8 @@ TEST_P(EveryNet, WeightsAreTakenOverWithoutAWaitForTheDevice) {
   EXPECT_EQ(worker.weights(), learner.weights());
 }
 
-// What a GPU is given by a forward pass of `small` for 64 agents; eight of the kernels are one there, the fused cell.
+// What a GPU is given by a forward pass of `small` for 64 agents; nine of the kernels are two there, the fused cell
+// and a conversion, so 16 remain. More than half of the bytes are the frame's: normalised in f32, clipped into bf16.
 TEST(ActorCritic, AForwardPassStartsFewKernelsAndMovesFewBytes) {
   if (!cpu_multiplies_bf16())
     GTEST_SKIP() << "this processor has no bf16 products, so factors are rounded back";
@@ -167,8 +208,8 @@ TEST(ActorCritic, AForwardPassStartsFewKernelsAndMovesFewBytes) {
   (void)net.step(frame, {}, state);  // rounds the weights
   const test::OperatorCount count;
   (void)net.step(frame, {}, state);
-  EXPECT_LE(count.kernels(), 31);
-  EXPECT_LE(count.bytes() / kRows, 970'000);
+  EXPECT_LE(count.kernels(), 23);
+  EXPECT_LE(count.bytes() / kRows, 573'000);
 }
 
 // What narrow_weights() of the link to other hosts takes for granted.
