@@ -7,6 +7,7 @@ tests of the folder.
 
 import dataclasses
 import functools
+import itertools
 import json
 import math
 import os
@@ -28,6 +29,7 @@ ALPHA_FINDING = 0.05  # of a difference between algorithms, over seeds
 RANDOM = "random_"  # random_<scenario>.json
 HEAD_BYTES_MAX = 1 << 20  # of a kept episode
 SECTION_BEGIN, SECTION_END = "<!-- results -->", "<!-- end of results -->"  # in a scenario's page
+AGGREGATED_MIN = 3  # scenarios that are shown together
 PICTURE, AGGREGATES, EACH_RUN = "curves.png", "aggregates.png", "runs.csv"
 # At the width of a page, 8.4 inches, this is the size of the text around it.
 LARGER = {"font.size": 9, "axes.labelsize": 9, "axes.titlesize": 10, "legend.fontsize": 9} | {
@@ -211,13 +213,16 @@ def staged_sentence(kept: Kept) -> str:
 
 
 def aggregates_of(study: Study, kept: Kept) -> tuple[list[str], dict[str, list[np.ndarray]]]:
-    """Normalised J of each algorithm, [scenario] of [seeds] f64, over the scenarios that have a reference and comparable
-    runs of all algorithms."""
-    common = [one for one in study.references if all((one, algo) in kept.comparable for algo in ALGORITHMS)]
-    if not common:
-        return [], {}
+    """Normalised J of some algorithms, [scenario] of [seeds] f64, over the scenarios with a reference where each of them has comparable
+    runs: of all such choices that of most cells, then of most algorithms. Empty where fewer than AGGREGATED_MIN scenarios are common."""
+    common, algos = [], ()
+    for count in range(len(ALGORITHMS), 1, -1):
+        for chosen in itertools.combinations(ALGORITHMS, count):
+            shared = [one for one in study.references if all((one, algo) in kept.comparable for algo in chosen)]
+            if len(shared) >= AGGREGATED_MIN and len(shared) * count > len(common) * len(algos):
+                common, algos = shared, chosen
     value = lambda scenario, algo: study.references[scenario].normalised(means_of(kept.comparable[scenario, algo]))
-    return common, {algo: [value(scenario, algo) for scenario in common] for algo in ALGORITHMS}
+    return common, {algo: [value(scenario, algo) for scenario in common] for algo in algos}
 
 
 def aggregates_figure(scores: dict[str, list[np.ndarray]]):
@@ -478,12 +483,12 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
     if common:
         written.append(save_picture(aggregates_figure(scores), folder / AGGREGATES))
         lines += [
-            "## All algorithms together",
+            "## Scenarios together",
             "",
             f"![Interquartile means]({link(AGGREGATES)})",
             "",
-            f"Over the {len(common)} scenarios where every algorithm has runs without † ({joined(common).replace('_', ' ')}), with stratified "
-            "bootstrap intervals over seeds (Agarwal et al. 2021).",
+            f"Over the {len(common)} scenarios where {joined(list(scores))} have runs without † ({joined(common).replace('_', ' ')}), with "
+            "stratified bootstrap intervals over seeds (Agarwal et al. 2021); single seeds have none.",
             "",
         ]
     shown = [scenario for scenario in scenarios if any(row.run.scenario == scenario for row in kept.rows)]
