@@ -126,12 +126,12 @@ std::vector<std::size_t> AdamOptimizer::with_gradient() {
 torch::Tensor AdamOptimizer::step(double learning_rate, const torch::Tensor& loss) {
   torch::NoGradGuard no_grad;
   if (state_->has_own_kernels()) return step_on_cpu(with_gradient(), learning_rate, loss);
-  return step_on_device(with_gradient(), torch::full({}, learning_rate, torch::kFloat64), loss);
+  return step_on_device(torch::full({}, learning_rate, torch::kFloat64), loss);
 }
 
 torch::Tensor AdamOptimizer::step(const torch::Tensor& learning_rate, const torch::Tensor& loss) {
   torch::NoGradGuard no_grad;
-  return step_on_device(with_gradient(), learning_rate, loss);
+  return step_on_device(learning_rate, loss);
 }
 
 /// Two passes over the gradients: one for the norm, one for everything else.
@@ -183,22 +183,17 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
 
 /// The same as operators, which any device works off by itself: over all parameters at once. One without a gradient has one of 0, and
 /// moments of 0.
-torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indices,
-                                            const torch::Tensor& learning_rate, const torch::Tensor& loss) {
+torch::Tensor AdamOptimizer::step_on_device(const torch::Tensor& learning_rate, const torch::Tensor& loss) {
+  (void)with_gradient();
   State& state = *state_;
   const AdamSettings& settings = state.settings;
   const auto type = state.all_means.scalar_type();
-  std::vector<torch::Tensor> gradients, flat;
-  for (const std::size_t i : indices) gradients.push_back(state.parameters[i].grad());
-  std::vector<torch::Tensor> norms(state.parameters.size(), torch::zeros({}, state.all_means.options()));
-  if (!indices.empty()) {
-    const std::vector<torch::Tensor> of_gradients = at::_foreach_norm(gradients);
-    for (std::size_t k = 0; k < indices.size(); ++k) norms[indices[k]] = of_gradients[k];
-  }
+  std::vector<torch::Tensor> gradients;
   for (const torch::Tensor& parameter : state.parameters)
-    flat.push_back(parameter.grad().defined() ? parameter.grad().reshape(-1)
-                                              : torch::zeros({parameter.numel()}, state.all_means.options()));
-  state.gradient_norms.copy_(torch::stack(norms));
+    gradients.push_back(parameter.grad().defined()
+                            ? parameter.grad().reshape(-1)
+                            : torch::zeros({parameter.numel()}, state.all_means.options()));
+  state.gradient_norms.copy_(torch::stack(at::_foreach_norm(gradients)));
   const torch::Tensor norm = state.gradient_norms.square().sum().sqrt();
   torch::Tensor is_finite = norm.isfinite();
   if (loss.defined()) is_finite = is_finite.logical_and(loss.detach().isfinite().reshape({}));
@@ -219,8 +214,8 @@ torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indi
     return of_parameters.to(type).index_select(0, state.owner);
   };
   // A weight of 0 leaves the moments, and a gradient of 0 keeps what is not finite out of the product.
-  const torch::Tensor gradient =
-      torch::where(is_finite, at::cat(flat) * scale.to(type), torch::zeros({}, state.all_means.options()));
+  const torch::Tensor gradient = torch::where(is_finite, at::cat(gradients) * scale.to(type),
+                                              torch::zeros({}, state.all_means.options()));
   torch::Tensor &mean = state.all_means, &square = state.all_squares;
   mean.lerp_(gradient, ((1 - settings.beta1) * taken).to(type).expand_as(mean));
   square.lerp_(gradient.square(), ((1 - settings.beta2) * taken).to(type).expand_as(square));

@@ -64,12 +64,11 @@ class AdamOptimizer {
   Status load(const StateDict& state, const std::string& section, const std::string& prefix = "");
 
  private:
-  /// Those that have a gradient, with their moments made.
+  /// Those that have a gradient, which have stepped from now on.
   std::vector<std::size_t> with_gradient();
   torch::Tensor step_on_cpu(const std::vector<std::size_t>& indices, double learning_rate,
                             const torch::Tensor& loss);
-  torch::Tensor step_on_device(const std::vector<std::size_t>& indices, const torch::Tensor& learning_rate,
-                               const torch::Tensor& loss);
+  torch::Tensor step_on_device(const torch::Tensor& learning_rate, const torch::Tensor& loss);
   struct State;
   std::unique_ptr<State> state_;
 };
