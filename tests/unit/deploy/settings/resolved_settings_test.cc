@@ -209,6 +209,7 @@ constexpr ScenarioRow kSmallScenarios[] = {
     {"lava_maze", {"exploration_loss_coeff", "0.004 0.004 0.004 0.001 0.001 0.001 0.001 0.001"}},
     {"lava_pit", {"gamma", "0.9995"}},
     {"rhythm_sync", {"gamma", "0.999"}},
+    {"rhythm_sync", {"reward", "failed=0"}},
     {"stag_hunt_arena", {"q_value_clamp", "100 100 100 100 0 0 0 0"}},
     {"stag_hunt_arena",
      {"reward",
