@@ -1,12 +1,13 @@
 """Means, aggregates over scenarios and their intervals.
 
 Scores of one algorithm are a list with one array for each scenario, which holds a score for each run (seed). Scenarios may
-have different numbers of runs; a bootstrap draws runs within a scenario (strata) and keeps every scenario.
+have different numbers of runs, but each weighs the same; a bootstrap draws runs within a scenario (strata) and keeps every scenario.
 
 Source: Agarwal et al. 2021, Deep Reinforcement Learning at the Edge of the Statistical Precipice, arXiv:2108.13264,
 sections 4.1 to 4.3. tests/unit/deploy/report compares these functions with the authors' package rliable.
 """
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -44,15 +45,18 @@ def percentiles(values: np.ndarray) -> tuple[float, float]:
 
 
 def interquartile_mean(scores: Scores) -> float:
-    """Mean of the middle half of all runs of all scenarios: robust to single runs, yet every scenario counts."""
-    values = np.sort(np.concatenate(scores))  # a third of the time of SciPy's trim_mean, thousands of times a report
+    """Mean of the middle half of all runs of all scenarios: robust to single runs, yet every scenario counts. Runs of a scenario that
+    has fewer count several times."""
+    most = math.lcm(*map(len, scores))
+    values = np.concatenate([np.repeat(runs, most // len(runs)) for runs in scores])
+    values.sort()  # a third of the time of SciPy's trim_mean, thousands of times a report
     cut = len(values) // 4
     return float(values[cut : len(values) - cut].mean())
 
 
 def performance_profile(scores: Scores, thresholds: np.ndarray) -> np.ndarray:
-    """Share of all runs that score more than each of [K] thresholds: [K] f64, falling."""
-    return (np.concatenate(scores)[:, None] > thresholds).mean(axis=0)
+    """Share of a scenario's runs that score more than each of [K] thresholds, averaged over scenarios: [K] f64, falling."""
+    return np.mean([(np.asarray(runs)[:, None] > thresholds).mean(axis=0) for runs in scores], axis=0)
 
 
 def probability_of_improvement(better: Scores, worse: Scores) -> float:

@@ -871,6 +871,13 @@ class ResultsPage(WithFolder):
         self.assertEqual([(row["run"], row["J"]) for row in rows][:2], [("lava_pit_ippo_7", "8.5"), ("lava_pit_ippo_8", "9.5")])
         self.assertEqual((rows[2]["stale"], rows[2]["checkpoint_hash"]), ("gamma 0.9 -> 0.99", "xxh3:5"))
 
+    def test_a_scenario_with_more_runs_weighs_no_more(self):
+        import intervals
+
+        scores = [np.ones(4), np.zeros(1), np.zeros(2), np.zeros(1)]
+        self.assertEqual(intervals.interquartile_mean(scores), 0.0)
+        self.assertEqual(list(intervals.performance_profile(scores, np.array([0.5]))), [0.25])
+
     def test_the_algorithms_that_share_most_cells_are_shown_together(self):
         for scenario in ("lava_pit", "ammo_carrier", "platform_chain", "stag_hunt_arena"):
             for algo in ("ippo", "vdn", "qmix"):
