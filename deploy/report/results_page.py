@@ -228,13 +228,14 @@ def aggregates_of(study: Study, kept: Kept) -> tuple[list[str], dict[str, list[n
 def aggregates_figure(scores: dict[str, list[np.ndarray]]):
     """Interquartile means of normalised J with stratified bootstrap intervals (Agarwal et al. 2021)."""
     with plt.rc_context(STYLE | LARGER):
-        figure, axes = plt.subplots(figsize=(5.6, 2.4), layout="constrained")
+        figure, axes = plt.subplots(figsize=(5.6, 0.7 + 0.25 * len(scores)), layout="constrained")
         for row, (algo, values) in enumerate(scores.items()):
             mean, (low, high) = interquartile_mean(values), stratified_interval(interquartile_mean, values)
             axes.plot([low, high], [row, row], color=COLORS[algo], linewidth=6, alpha=0.35, solid_capstyle="butt")
             axes.plot([mean], [row], "|", color=COLORS[algo], markersize=12, markeredgewidth=2.4)
         axes.set_yticks(range(len(scores)), scores)
-        axes.invert_yaxis()
+        axes.set_ylim(len(scores) - 0.5, -0.5)
+        axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
         axes.set_xlabel("interquartile mean of J (0: random play, 1: scripted team)")
         return figure
 
