@@ -719,20 +719,26 @@ TEST(OldRuns, DrawTheBatchesThatTheyDrew) {
     ASSERT_TRUE(config) << config.error().message;
     EXPECT_EQ(config->q_learning.replay_batch_size, size) << run;
   }
-  // Those of the runs that the repository keeps; later ones have the new name.
+  // Those of the runs that the repository keeps, and those that later ones name.
+  int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator(COMRAD_SOURCE_DIR "/scenarios/results")) {
     const std::string path = entry.path().string() + "/config.toml";
     if (!std::filesystem::exists(path)) continue;
     const Expected<RunConfig> config = load_run_config(path);
     ASSERT_TRUE(config) << config.error().message;
     if (!config->run.algo->learns_q_values()) continue;
+    ++count;
     const Expected<SettingsLayer> layer = read_settings_toml(path);
     ASSERT_TRUE(layer);
-    const std::string_view name = config->network.use_rnn ? "qmix_batch_sequences" : "dqn_batch_decisions";
-    const auto kept = std::ranges::find(layer->values, name, &SettingValues::value_type::first);
-    if (kept == layer->values.end()) continue;
+    const std::string_view old_name =
+        config->network.use_rnn ? "qmix_batch_sequences" : "dqn_batch_decisions";
+    const auto kept = std::ranges::find_if(layer->values, [&](const SettingValues::value_type& value) {
+      return value.first == old_name || value.first == "replay_batch_size";
+    });
+    ASSERT_NE(kept, layer->values.end()) << path << " has neither " << old_name << " nor replay_batch_size";
     EXPECT_EQ(std::to_string(config->q_learning.replay_batch_size), kept->second) << path;
   }
+  EXPECT_GT(count, 20);
 }
 
 }  // namespace config_test
