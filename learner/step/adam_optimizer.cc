@@ -184,15 +184,17 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
 /// The same as operators, which any device works off by itself: over all parameters at once. One without a gradient has one of 0, and
 /// moments of 0.
 torch::Tensor AdamOptimizer::step_on_device(const torch::Tensor& learning_rate, const torch::Tensor& loss) {
-  (void)with_gradient();
   State& state = *state_;
   const AdamSettings& settings = state.settings;
   const auto type = state.all_means.scalar_type();
   std::vector<torch::Tensor> gradients;
-  for (const torch::Tensor& parameter : state.parameters)
-    gradients.push_back(parameter.grad().defined()
-                            ? parameter.grad().reshape(-1)
-                            : torch::zeros({parameter.numel()}, state.all_means.options()));
+  for (std::size_t i = 0; i < state.parameters.size(); ++i) {
+    const torch::Tensor& gradient = state.parameters[i].grad();
+    if (gradient.defined()) state.has_stepped[i] = true;
+    gradients.push_back(gradient.defined()
+                            ? gradient.reshape(-1)
+                            : torch::zeros({state.parameters[i].numel()}, state.all_means.options()));
+  }
   state.gradient_norms.copy_(torch::stack(at::_foreach_norm(gradients)));
   const torch::Tensor norm = state.gradient_norms.square().sum().sqrt();
   torch::Tensor is_finite = norm.isfinite();
