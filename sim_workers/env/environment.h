@@ -73,7 +73,7 @@ class EnvironmentSet {
 /// What a set of Doom environments is made from.
 struct EnvironmentOptions {
   std::string scenario;
-  std::string wad_path;                   ///< the layout to play
+  std::string wad_path = {};              ///< the layout to play
   std::vector<std::string> layouts = {};  ///< instead of wad_path: the pool to choose_layout() from
   int num_agents = 2;
   int count = 16;

@@ -214,12 +214,13 @@ void LiveView::ticked(const DoomEnvironment& environment) {
     if (pace_ == Pace::kStep) pace_ = Pace::kPause;
   }
   if (is_left()) return;
-  const auto apart = std::chrono::duration<double>(0.98 / options_.pictures_per_s);
-  if (is_end || Clock::now() - drawn_ >= apart) show(environment);
-  pass_time(environment, is_end && speed_ > 0 && people_.empty() ? kOverTics : 1);
   // A person's episode has ended: began() waits. A decision is played to its end before it pauses.
-  if (ends_decision && !(is_end && !people_.empty()))
-    wait_while(environment, [this] { return pace_ == Pace::kPause; });
+  const bool may_rest = ends_decision && !(is_end && !people_.empty());
+  const auto is_resting = [this] { return pace_ == Pace::kPause; };
+  const auto apart = std::chrono::duration<double>(0.98 / options_.pictures_per_s);
+  if (!(may_rest && is_resting()) && (is_end || Clock::now() - drawn_ >= apart)) show(environment);
+  pass_time(environment, is_end && speed_ > 0 && people_.empty() ? kOverTics : 1);
+  if (may_rest) wait_while(environment, is_resting);
 }
 
 /// Shows nothing to a page that is behind, except an episode's end; the next call tries again.

@@ -152,13 +152,15 @@ def photograph(page: Page, path: pathlib.Path) -> None:
 
 
 def play_to_the_end(page: Page) -> float:
-    """Walks on until the episode is over; its score."""
+    """Runs and walks on until the episode is over; its score."""
     ended = page.number("ended")
     page.key("KeyW", "w", "down")
 
     def ends() -> bool:
         if page.data("pace") == "waiting":  # the one before may have ended by itself
             page.tap("Enter", "Enter")
+        elif page.data("pace") == "paused":
+            page.run("document.getElementById('hold').click()")
         return page.number("ended") > ended
 
     wait_for(ends, "the episode ends")
@@ -201,7 +203,6 @@ def test_play(comrad: str, browser: Browser, scratch: pathlib.Path, pictures: pa
     wait_for(
         lambda: page.number("tic") == tic + 4 or page.number("began") > began, "Enter plays one decision, or the episode's rest"
     )
-    page.run("document.getElementById('hold').click()")
     score = play_to_the_end(page)
     check(f"an episode with the scripted partner is played to its end, J = {score}", score >= 0)
     wait_for(lambda: not page.run("document.getElementById('overlay').hidden"), "the score is shown")

@@ -72,7 +72,8 @@ TEST_F(LiveViewTest, APageThatShowsPausedMovesNoMore) {
       const int paused = paused_at();
       ASSERT_EQ(paused % kFrameSkip, 0) << "the request came in tic " << phase << " of a decision";
       page_.say("{\"do\": \"step\"}\n");
-      ASSERT_EQ(paused_at(), paused + kFrameSkip);
+      const json after = now([&](const json& words) { return words["tic"] == paused + kFrameSkip; });
+      ASSERT_EQ(after["pace"], "paused") << "the step's end is shown at rest alone";
       page_.say("{\"do\": \"run\"}\n");
     }
   }
