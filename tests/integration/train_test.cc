@@ -129,10 +129,11 @@ TEST(Train, NamesItselfAfterScenarioAlgorithmSeedAndTimeAndTwoStartsAtOnceDoNotM
 TEST(Train, ARunThatWouldEndBeforeItLearnsIsRefusedUnlessAsked) {
   const ScratchFolder scratch;
   const std::vector<std::string> too_short = {
-      "--algo", "vdn", "--replay_gb", "0.05", "--learning_starts_decisions", "2000", "--per_omega", "0.9"};
+      "--algo", "vdn", "--replay_gb", "0.2", "--learning_starts_decisions", "20000", "--per_omega", "0.9"};
   const Ending refused = RunningProgram(small_training(scratch, "run", 2000, too_short)).wait();
   EXPECT_EQ(refused.exit_code, 2);
-  // A replay of 50 MB holds some 1800 decisions: half of them are there before all that was requested.
+  // A replay of 200 MB holds some 7000 decisions: half of them are there before all that was requested, and are more than the
+  // trajectories that a learner which came late finds waiting when the run is over.
   EXPECT_THAT(refused.err,
               ::testing::ContainsRegex(
                   "learning begins at [0-9]+ env frames \\([0-9]+ agent decisions, half of what the "
