@@ -151,16 +151,21 @@ def photograph(page: Page, path: pathlib.Path) -> None:
     page.picture(path.with_suffix(".png"))
 
 
+def leave(page: Page, pace: str) -> None:
+    """Clicks Run or Pause where the page shows `pace`, and begins an episode that waits: the one before may have ended by itself."""
+    if page.data("pace") == "waiting":
+        page.tap("Enter", "Enter")
+    elif page.data("pace") == pace:
+        page.run("document.getElementById('hold').click()")
+
+
 def play_to_the_end(page: Page) -> float:
     """Runs and walks on until the episode is over; its score."""
     ended = page.number("ended")
     page.key("KeyW", "w", "down")
 
     def ends() -> bool:
-        if page.data("pace") == "waiting":  # the one before may have ended by itself
-            page.tap("Enter", "Enter")
-        elif page.data("pace") == "paused":
-            page.run("document.getElementById('hold').click()")
+        leave(page, "paused")
         return page.number("ended") > ended
 
     wait_for(ends, "the episode ends")
@@ -191,10 +196,7 @@ def test_play(comrad: str, browser: Browser, scratch: pathlib.Path, pictures: pa
     wait_for(lambda: json.loads(page.data("choice"))[0] == 0, "it stops turning when E is up")
     # Step by step.
     def pauses() -> bool:
-        if page.data("pace") == "waiting":  # the partner may have ended the episode
-            page.tap("Enter", "Enter")
-        elif page.data("pace") == "running":
-            page.run("document.getElementById('hold').click()")
+        leave(page, "running")
         return page.data("pace") == "paused"
 
     wait_for(pauses, "it pauses")
