@@ -355,11 +355,11 @@ UpdateContext Learner::update_context() {
 
 /// To policy workers, here and on other hosts.
 void Learner::offer_weights() {
+  arena_.control().policy_version = algorithm_->version();
   if (has_policy_threads_) {
     StageClock stage;
     stage.begin();
     local_weights_.publish(algorithm_->weight_tensors(), algorithm_->version());
-    arena_.control().policy_version = algorithm_->version();
     stage.end(Stage::kPublish);
   }
   if (!has_policy_threads_ || with::join_endpoint.holds(config_)) weights_->offer();
@@ -368,8 +368,6 @@ void Learner::offer_weights() {
 /// In the arena, for processes.
 void Learner::publish(std::span<const std::byte> weights, PolicyVersion version) {
   arena_.weights().publish(weights, version);
-  // Threads may already have a newer version.
-  if (has_policy_threads_) arena_.control().policy_version = *local_weights_.version();
   count_copied(2 * weights.size());  // out of the network and into the arena
 }
 

@@ -41,7 +41,6 @@ void WeightBuffers::publish(std::span<const std::byte> bytes, PolicyVersion vers
   std::atomic_thread_fence(std::memory_order_release);
   buffer.sequence.store(writing + 1, std::memory_order_release);
   header_->current.store(older + 1, std::memory_order_release);
-  control_->policy_version.store(version, std::memory_order_release);
   ring(control_->weights_published);
 }
 

@@ -459,7 +459,6 @@ TEST(Weights, TheNewestVersionIsRead) {
     arena.weights().publish(weights_of(version, 1000 + version), version);
     EXPECT_TRUE(arena.weights().has_any());
     EXPECT_EQ(arena.weights().version(), version);
-    EXPECT_EQ(arena.control().policy_version.load(), version);
     const Expected<PolicyVersion> read = arena.weights().read(out);
     ASSERT_TRUE(read) << read.error().message;
     EXPECT_EQ(*read, version);
