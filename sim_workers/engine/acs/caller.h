@@ -42,20 +42,7 @@ struct Caller {
   /// 0: the activator; else every actor with this thing id that there is now. Returns how many.
   template <typename Visit>
   int32_t each_actor(int32_t thing_id, Visit visit) const {
-    if (thing_id == 0) {
-      Actor* actor = activator();
-      if (actor == nullptr) return 0;
-      visit(*actor);
-      return 1;
-    }
-    int32_t count = 0;
-    for (Actor* actor = world.find_thing(thing_id); actor != nullptr;) {
-      const uint32_t order = actor->thing_order;
-      visit(*actor);
-      ++count;
-      actor = world.find_thing(thing_id, order);
-    }
-    return count;
+    return world.each_thing(thing_id, activator(), visit);
   }
   /// Another actor as seen from one: 0 itself, 1 nobody, 2 target, 4 master, 8 tracer, 16 whom a player aims
   /// at, 64 << n player n.

@@ -29,23 +29,4 @@ constexpr Fixed clamped_units(int64_t units) {
 constexpr Angle angle_of_byte(int32_t arg) { return static_cast<Angle>(arg) << 24; }
 constexpr int32_t negated(int32_t value) { return value == INT32_MIN ? INT32_MAX : -value; }
 
-/// Calls visit(actor) for every thing with that id, the latest first, those that it makes left out; id 0 is the activator. How
-/// many there were.
-template <typename Visit>
-int32_t for_each_thing(World& world, int32_t thing_id, Actor* activator, Visit visit) {
-  if (thing_id == 0) {
-    if (activator == nullptr || activator->removed) return 0;
-    visit(*activator);
-    return 1;
-  }
-  int32_t count = 0;
-  for (Actor* actor = world.find_thing(thing_id); actor != nullptr;) {
-    const uint32_t order = actor->thing_order;
-    visit(*actor);
-    ++count;
-    actor = world.find_thing(thing_id, order);
-  }
-  return count;
-}
-
 }  // namespace comrad::doom

@@ -238,7 +238,7 @@ std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall&
       return send(a[0], a[1], {.source_fog = a[2] == 0, .keep_velocity = true});
     case Special::kTeleportOther: {  // things, thing, fog
       bool any = false;
-      for_each_thing(world, a[0], nullptr, [&](Actor& other) {
+      world.each_thing(a[0], nullptr, [&](Actor& other) {
         if (const std::optional<Destination> to = find_destination(world, a[1], 0))
           any = travel(world, other, *to, {.source_fog = a[2] != 0, .destination_fog = a[2] != 0}) || any;
       });
@@ -268,7 +268,7 @@ std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall&
           carry(body);
         }
       } else {
-        for_each_thing(world, a[0], call.activator, carry);
+        world.each_thing(a[0], call.activator, carry);
         if (a[3] != 0) teleport_move(world, *from, to->x, to->y, to->z, to->angle, false, true, false);
       }
       return any;

@@ -29,7 +29,7 @@ int32_t spawn_at_spots(World& world, int32_t thing_id, Actor* activator, int32_t
   const std::optional<uint32_t> type = world.catalog().find_spawn_id(spawn_id);
   if (!type) return 0;
   int32_t made = 0;
-  for_each_thing(world, thing_id, activator, [&](Actor& spot) {
+  world.each_thing(thing_id, activator, [&](Actor& spot) {
     const Angle angle = faces ? spot.angle : angle_of_byte(byte_angle);
     const std::optional<uint32_t> id = spawn_actor(world, *type, spot.x, spot.y, spot.z, angle, new_id);
     if (!id) return;
@@ -73,7 +73,7 @@ int32_t throw_from_spots(World& world, Actor* activator, const Throw& what) {
   if (!type) return 0;
   const int64_t speed = int64_t{clamped_units(what.speed)} / 8;
   int32_t thrown = 0;
-  for_each_thing(world, what.spots, activator, [&](Actor& spot) {
+  world.each_thing(what.spots, activator, [&](Actor& spot) {
     const auto throw_one = [&](const Actor* target) {
       Actor& missile = world.spawn_unchecked(world.catalog().replacement(*type), spot.x, spot.y, spot.z);
       missile.target_id = spot.id;
@@ -100,7 +100,7 @@ int32_t throw_from_spots(World& world, Actor* activator, const Throw& what) {
       throw_one(nullptr);
       return;
     }
-    for_each_thing(world, what.target, nullptr, [&](Actor& target) {
+    world.each_thing(what.target, nullptr, [&](Actor& target) {
       if (target.health > 0 && target.has(ActorFlag::kShootable)) throw_one(&target);
     });
   });
@@ -168,7 +168,7 @@ bool raise_thing(World& world, Actor& actor) {
 int32_t hate(World& world, const SpecialCall& call) {
   const int32_t hated_id = call.args[1], kind = call.args[2];
   int32_t haters = 0;
-  for_each_thing(world, call.args[0], call.activator, [&](Actor& hater) {
+  world.each_thing(call.args[0], call.activator, [&](Actor& hater) {
     if (hater.health <= 0 || !hater.has(ActorFlag::kShootable) || hater.player_index >= 0) return;
     if (world.type_of(hater).state(StateLabel::kSee) == kNoState) return;
     ++haters;
@@ -207,7 +207,7 @@ int32_t set_goal(World& world, const SpecialCall& call) {
   while (goal != nullptr && !world.catalog().is_a(goal->type, "PatrolPoint"))
     goal = world.find_thing(a[1], goal->thing_order);
   int32_t any = 0;
-  for_each_thing(world, a[0], call.activator, [&](Actor& actor) {
+  world.each_thing(a[0], call.activator, [&](Actor& actor) {
     if (!actor.has(ActorFlag::kShootable) || actor.player_index >= 0) return;
     any = 1;
     if (actor.goal_id != 0 && actor.target_id == actor.goal_id) actor.target_id = 0;  // its old one
@@ -301,7 +301,7 @@ int32_t destroy(World& world, const SpecialCall& call) {
                  kDamageForced | kDamageNoFactor);
   };
   if (a[0] != 0) {
-    for_each_thing(world, a[0], nullptr, [&](Actor& actor) {
+    world.each_thing(a[0], nullptr, [&](Actor& actor) {
       if (a[2] == 0 || world.sectors()[actor.sector_index].tag == a[2]) kill(actor);
     });
     return 1;
@@ -357,18 +357,18 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
   int32_t any = 0;
   switch (call.number) {
     case Special::kThing_Raise:  // things
-      for_each_thing(world, a[0], activator, [&](Actor& actor) { any |= raise_thing(world, actor); });
+      world.each_thing(a[0], activator, [&](Actor& actor) { any |= raise_thing(world, actor); });
       return any;
     case Special::kStartConversation:  // nobody talks
       return 0;
     case Special::kThing_Stop:  // things
-      return for_each_thing(world, a[0], activator, [&](Actor& actor) {
-               actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
-               if (Player* const player = world.player_of(actor)) player->walk_x = player->walk_y = 0;
-             }) > 0;
+      return world.each_thing(a[0], activator, [&](Actor& actor) {
+        actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
+        if (Player* const player = world.player_of(actor)) player->walk_x = player->walk_y = 0;
+      }) > 0;
     case Special::kThrustThing:  // angle, force, unlimited, things
-      return for_each_thing(world, a[3], activator,
-                            [&](Actor& actor) { thrust(actor, a[0], a[1], a[2] != 0); }) > 0;
+      return world.each_thing(a[3], activator, [&](Actor& actor) { thrust(actor, a[0], a[1], a[2] != 0); }) >
+             0;
     case Special::kDamageThing:  // amount (0: dead), kind
       if (activator == nullptr) return 0;
       if (a[0] == 0) {
@@ -378,11 +378,10 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
       }
       return 1;
     case Special::kThing_Damage:  // things, amount, kind
-      return for_each_thing(world, a[0], activator, [&](Actor& actor) {
-               if (actor.has(ActorFlag::kShootable))
-                 hurt_or_heal(world, actor, activator != &actor ? activator : nullptr, a[1],
-                              damage_type_of(a[2]));
-             }) > 0;
+      return world.each_thing(a[0], activator, [&](Actor& actor) {
+        if (actor.has(ActorFlag::kShootable))
+          hurt_or_heal(world, actor, activator != &actor ? activator : nullptr, a[1], damage_type_of(a[2]));
+      }) > 0;
     case Special::kThing_Move: {  // thing, spot, no fog
       const Actor* const spot = world.find_thing(a[1]);
       Actor* const actor = a[0] != 0 ? world.find_thing(a[0]) : activator;
@@ -396,23 +395,23 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
       return 1;
     }
     case Special::kThing_SetSpecial:  // things, special, three arguments
-      return for_each_thing(world, a[0], activator, [&](Actor& actor) {
-               actor.special = a[1];
-               actor.args = {a[2], a[3], a[4], 0, 0};
-             }) > 0;
+      return world.each_thing(a[0], activator, [&](Actor& actor) {
+        actor.special = a[1];
+        actor.args = {a[2], a[3], a[4], 0, 0};
+      }) > 0;
     case Special::kThrustThingZ:  // things, speed in quarter units, down, add
-      return for_each_thing(world, a[0], activator, [&](Actor& actor) {
-               const int64_t speed = int64_t{clamped_units(a[1])} / 4 * (a[2] != 0 ? -1 : 1);
-               actor.velocity_z = clamped_fixed(speed + (a[3] != 0 ? actor.velocity_z : 0));
-             }) > 0;
+      return world.each_thing(a[0], activator, [&](Actor& actor) {
+        const int64_t speed = int64_t{clamped_units(a[1])} / 4 * (a[2] != 0 ? -1 : 1);
+        actor.velocity_z = clamped_fixed(speed + (a[3] != 0 ? actor.velocity_z : 0));
+      }) > 0;
     case Special::kThing_Activate:  // things
     case Special::kThing_Deactivate:
-      for_each_thing(world, a[0], activator, [&](Actor& actor) {
+      world.each_thing(a[0], activator, [&](Actor& actor) {
         any |= set_active(world, actor, call.number == Special::kThing_Activate);
       });
       return any;
     case Special::kThing_Remove:  // things
-      for_each_thing(world, a[0], activator, [&](Actor& actor) {
+      world.each_thing(a[0], activator, [&](Actor& actor) {
         if (actor.player_index >= 0) return;
         discount(world, actor);
         world.remove(actor.id);
@@ -453,14 +452,13 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
       return 1;
     }
     case Special::kThing_ChangeTID:  // things, new id
-      return for_each_thing(world, a[0], activator, [&](Actor& actor) { world.set_thing_id(actor, a[1]); }) >
-             0;
+      return world.each_thing(a[0], activator, [&](Actor& actor) { world.set_thing_id(actor, a[1]); }) > 0;
     case Special::kThing_Hate:
       return hate(world, call);
     case Special::kThing_SetTranslation:  // things, number; only back to its own colours
-      return for_each_thing(world, a[0], activator, [&](Actor& actor) {
-               if (a[1] == 0) actor.translation = world.type_of(actor).translation;
-             }) > 0;
+      return world.each_thing(a[0], activator, [&](Actor& actor) {
+        if (a[1] == 0) actor.translation = world.type_of(actor).translation;
+      }) > 0;
     case Special::kSetPlayerProperty:
       return set_player_property(world, call);
     case Special::kThing_SetGoal:

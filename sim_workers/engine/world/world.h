@@ -93,6 +93,24 @@ class World {
   }
   /// Of the actors with that id the one that got it last, of those with a thing_order below `before`; null: none.
   Actor* find_thing(int32_t thing_id, uint32_t before = UINT32_MAX);
+  /// Calls visit(actor) for every thing with that id, the latest first, those that it makes left out; id 0 is the activator, if
+  /// there is one. How many there were.
+  template <typename Visit>
+  int32_t each_thing(int32_t thing_id, Actor* activator, Visit visit) {
+    if (thing_id == 0) {
+      if (activator == nullptr || activator->removed) return 0;
+      visit(*activator);
+      return 1;
+    }
+    int32_t count = 0;
+    for (Actor* actor = find_thing(thing_id); actor != nullptr;) {
+      const uint32_t order = actor->thing_order;
+      visit(*actor);
+      ++count;
+      actor = find_thing(thing_id, order);
+    }
+    return count;
+  }
   void link(Actor& actor);  ///< into the lists of things, after its place or its flags changed
   void unlink(Actor& actor);
   void set_sector_damage(int32_t tag, int32_t amount, int32_t interval);
