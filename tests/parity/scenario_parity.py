@@ -16,9 +16,8 @@ decision of every episode. Else its last value in an episode is ranked among tho
 same choices (ties and ends broken by a seeded draw): where both engines are alike the ranks of the K episodes are uniform,
 which a Kolmogorov-Smirnov test compares (p). A scenario fails where an agreed value stays different, where lost presses kept half
 of the episodes or more from being judged by agreed values, where a quantity has p below
-1 in 100 000 (there are some 600 of them), where the WAD does not run, or where in the episode without presses a quantity
-differs that left_to_chance.json does not list (--record writes that file) and differs again when ViZDoom plays that episode
-once more: it has the same seed and nobody presses, so what does not come back was the network's.
+1 in 100 000 (there are some 600 of them), or where the WAD does not run. The episode without presses is judged by agreed values
+alone, however few plays --again allows the others.
 Everything random is seeded, so a run that passes passes again.
 
 Needs a Python with `vizdoom`, as vizdoom_parity.py does, and reports it in the same way where it cannot be had.
@@ -43,10 +42,11 @@ from vizdoom_parity import Report, import_vizdoom, kolmogorov_smirnov_uniform
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SCENARIOS = os.path.join(HERE, "..", "..", "scenarios")
-LEFT_TO_CHANCE = os.path.join(HERE, "left_to_chance.json")  # scenario -> quantities that differ though nobody presses
+LEFT_TO_CHANCE = os.path.join(HERE, "left_to_chance.json")  # scenario -> counters of its script that chance decides
 AGENTS = 2
 TICS = 4  # of a decision
 TAIL = 1e-5
+IDLE = 1  # seed of the episode in which nobody presses anything
 # Counters of scripts that left_to_chance.json lists (how many demons there are, for one) are ranked, but not agreed either:
 # ViZDoom's early draws are alike for many seeds, so that a rare draw can come back in each play of it and in none of our worlds.
 CONFIRMATIONS = 3  # plays without a lost press in which an agreed value has to differ: late steps without a turn are not seen
@@ -268,7 +268,8 @@ class Comparison:
 
     def __init__(self, name):
         self.name = name
-        self.exact, self.off = [], {}       # names; name -> first difference of the idle episode
+        self.exact, self.off = [], {}       # names; name -> first difference of the idle episode from one of our worlds
+        self.idle, self.idle_off = 0, []    # as `agreed` and `agreed_off`, of the idle episode
         self.agreed_off = []                # (decision, name, seed of the choices, ours, theirs)
         self.agreed = 0                     # values compared after a decision
         self.judged = 0                     # episodes in which they were: none in which presses were lost in every try
@@ -360,19 +361,16 @@ def compare(scenario, arguments, folder, left_to_chance):
     try:
         # Nobody presses anything. ViZDoom shows its first state a tic or more after the map began.
         idle = [[[0] * len(heads)] * AGENTS] * decisions
-        theirs = play_vizdoom(wad, spec, heads, Script(idle), 1, folder)
-        start = theirs[0][0]["tics"]
-        ours = play_comrad(arguments.play, scenario, wad, start, idle, [1], folder)[1]
-        result.off = differences(ours, theirs)
-        if result.off:  # what does not come back was the network's: the seed is the same, and nobody presses
-            again = differences(ours, play_vizdoom(wad, spec, heads, Script(idle), 1, folder))
-            result.off = {label: row for label, row in result.off.items() if label in again}
+        idle_theirs = play_vizdoom(wad, spec, heads, Script(idle), IDLE, folder)
+        start = idle_theirs[0][0]["tics"]
+        idle_ours = play_comrad(arguments.play, scenario, wad, start, idle, list(range(IDLE, IDLE + arguments.worlds)), folder)
+        result.off = differences(idle_ours[IDLE], idle_theirs)
         if arguments.verbose:
             print("   ", scenario, "start", start, "idle:", result.off)
         both, their_returns, our_returns = [], {}, {}
         different = set()
         seeds = range(1000, 1000 + arguments.episodes)
-        scripts = {seed: random_choices(heads, decisions, seed) for seed in seeds}
+        scripts = {IDLE: idle} | {seed: random_choices(heads, decisions, seed) for seed in seeds}
         turns = any("TURN_LEFT" in head for head in heads)
 
         def play_both(seed):
@@ -388,14 +386,14 @@ def compare(scenario, arguments, folder, left_to_chance):
         def agreed_but_unlike(seed, ours, theirs):
             """(values compared, [(decision, quantity, seed, ours, theirs)]) of one script; none compared where too many plays of
             it lost a press."""
-            agreed = {key: value for key, value in agreed_values(ours).items()
-                      if not (key[2].startswith("USER") and key[1] in left_to_chance)}
+            plays = max(arguments.again, CONFIRMATIONS) if seed == IDLE else arguments.again
+            agreed = {key: value for key, value in agreed_values(ours).items() if key[1] not in left_to_chance}
             first_world, confirmed = next(iter(ours.values())), 0
             if turns and lost_press(first_world, theirs):
                 return 0, []
             # Where nobody turns, presses that came a tic late are not seen: there a difference has to last.
             off = unlike(agreed, theirs, not turns)
-            for again in range(1, arguments.again + 1):
+            for again in range(1, plays + 1):
                 if not off or confirmed == CONFIRMATIONS:
                     break
                 other = play_vizdoom(wad, spec, heads, Script(scripts[seed]), (seed + 7919 * again) * 2654435761 % 2**31, folder)
@@ -409,6 +407,7 @@ def compare(scenario, arguments, folder, left_to_chance):
                 return 0, []
             return len(agreed), sorted((decision, label, seed) + row for (decision, label, _, _), row in off.items())
 
+        result.idle, result.idle_off = agreed_but_unlike(IDLE, idle_ours, idle_theirs)
         with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:  # of processes that wait for each other
             played = list(pool.map(play_both, seeds))
         result.replayed = sum(attempts for _, _, attempts in played)
@@ -450,6 +449,13 @@ def compare(scenario, arguments, folder, left_to_chance):
     return result
 
 
+def differing(off):
+    """What a check shows of such a list."""
+    return "".join("; %s after decision %d of script %d: %.6g here, %.6g there" % (label, decision, seed, a, b)
+                   for decision, label, seed, a, b in off[:AGREED_SHOWN]) + (
+                       "; %d in all" % len(off) if len(off) > AGREED_SHOWN else "")
+
+
 def table(results, arguments):
     lines = ["| scenario | agreed values | equal after every decision | nobody presses: first difference | by chance: quantity, ours, ViZDoom's, p (the least three) | return: ours, ViZDoom's, p | decisions: ours, ViZDoom's, p |",
              "| --- | --- | --- | --- | --- | --- | --- |"]
@@ -484,7 +490,6 @@ def main():
     parser.add_argument("--jobs", type=int, default=2, help="games of ViZDoom at a time")
     parser.add_argument("--worlds", type=int, default=40)
     parser.add_argument("--table", default="", help="file for the table")
-    parser.add_argument("--record", action="store_true", help="write down what differs in the episodes without presses")
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
     import_vizdoom(arguments.venv, "parity of scenarios with ViZDoom")
@@ -503,28 +508,17 @@ def main():
                 report.check(name, False, result.problem)
                 continue
             bad = {label: row for label, row in result.tested.items() if row[2] < TAIL}
-            if arguments.record:
-                left_to_chance[name] = sorted(result.off)
-            fixed = {label: row for label, row in result.off.items() if label not in left_to_chance.get(name, [])}
-            report.check(name + ", nobody presses", not fixed, "%d quantities equal where chance has no part%s" % (
-                len(quantities()) - len(left_to_chance.get(name, [])),
-                "".join("; %s after decision %d: %.4g here, %.4g there" % ((label,) + row) for label, row in fixed.items())))
+            report.check(name + ", nobody presses", result.idle and not result.idle_off, "%d values on which all of our worlds agree%s" % (
+                result.idle, differing(result.idle_off)))
             if arguments.again:
                 report.check(name + ", agreed values", not result.agreed_off and 2 * result.judged > arguments.episodes,
-                             "%d values on which all of our worlds agree, in %d of %d episodes%s%s" % (
-                                 result.agreed, result.judged, arguments.episodes, "".join(
-                                 "; %s after decision %d of script %d: %.6g here, %.6g there" % (label, decision, seed, a, b)
-                                 for decision, label, seed, a, b in result.agreed_off[:AGREED_SHOWN]),
-                                 "; %d in all" % len(result.agreed_off) if len(result.agreed_off) > AGREED_SHOWN else ""))
+                             "%d values on which all of our worlds agree, in %d of %d episodes%s" % (
+                                 result.agreed, result.judged, arguments.episodes, differing(result.agreed_off)))
             report.check(name, not bad, "%d of %d quantities equal after every decision, %d by chance, %d played again, least p %.2g%s" % (
                 len(result.exact), len(quantities()), len(result.tested), result.replayed, min(row[2] for row in result.tested.values()),
                 "".join("; %s %.4g against %.4g, p %.1g" % ((label,) + row) for label, row in bad.items())))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    if arguments.record:
-        with open(LEFT_TO_CHANCE, "w") as file:
-            json.dump(left_to_chance, file, indent=1)
-            file.write("\n")
     text = table(results, arguments)
     print(text)
     if arguments.table:
