@@ -208,7 +208,8 @@ def score_table(study: Study, kept: Kept, scenarios: list[str]) -> Table:
 
 def staged_sentence(kept: Kept) -> str:
     """Which curves are those of a scenario's stages; empty where none is."""
-    staged = dict.fromkeys(row.run.scenario.replace("_", " ") for row in kept.rows if row.run.settings.get("layout_pool") == "curriculum")
+    runs = [row.run for row in kept.rows if row.run.settings.get("layout_pool") == "curriculum"]
+    staged = dict.fromkeys(f"{run.scenario.replace('_', ' ')} ({run.algo})" for run in runs)
     return f" Runs of {joined(list(staged))} train on the scenario's stages: J is that of these." if staged else ""
 
 

@@ -19,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import types
 import unittest
 import warnings
 
@@ -40,6 +41,7 @@ try:
     import run_files
     import searches
     import study_tables as of
+    import results_page
     import tables
 except ImportError as missing:
     print(f"[  SKIPPED ] 1 test, comrad report: {missing}; install the packages of deploy/packages_report.txt")
@@ -479,6 +481,9 @@ class References(WithFolder):
         self.assertFalse(analysis.plays_default_map(trained), run)
         self.assertTrue(analysis.plays_default_map(dataclasses.replace(trained, result={"layout": "seed 42"})))
         self.assertFalse(analysis.plays_default_map(dataclasses.replace(trained, result={"layout": "a pool"})))
+        other = dataclasses.replace(trained, settings=trained.settings | {"algo": "qmix", "layout_pool": ""})
+        kept = types.SimpleNamespace(rows=[types.SimpleNamespace(run=run) for run in (trained, other)])
+        self.assertEqual(results_page.staged_sentence(kept), " Runs of lava pit (ippo) train on the scenario's stages: J is that of these.")
 
     def test_other_teams_need_evaluations_of_their_own(self):
         references, why = self.references(num_agents=4)
@@ -829,16 +834,12 @@ class ResultsPage(WithFolder):
         self.assertIn("people/junk.comrad: no episode of comrad play", page)
 
     def test_holm_is_the_textbook(self):
-        import results_page
-
         # Holm 1979: 0.01, 0.02, 0.03, 0.04 times 4, 3, 2, 1, made rising.
         for ours, known in zip(results_page.holm([0.03, 0.01, 0.04, 0.02]), [0.06, 0.04, 0.06, 0.06]):
             self.assertAlmostEqual(ours, known)
         self.assertEqual(results_page.holm([0.9, 0.8]), [1.0, 1.0])
 
     def test_welch_is_the_textbook_and_knows_constants(self):
-        import results_page
-
         ours, others = np.array([3.0, 4.0, 5.0, 6.0]), np.array([1.0, 2.0, 1.0, 4.0])
         difference, error = ours.mean() - others.mean(), math.sqrt(ours.var(ddof=1) / 4 + others.var(ddof=1) / 4)
         freedom = error**4 / ((ours.var(ddof=1) / 4) ** 2 / 3 + (others.var(ddof=1) / 4) ** 2 / 3)
@@ -890,8 +891,6 @@ class ResultsPage(WithFolder):
         self.assertTrue((self.folder / "aggregates.png").stat().st_size > 1000)
 
     def test_runs_of_an_earlier_recipe_are_compared_with_nothing(self):
-        import results_page
-
         for algo in results_page.ALGORITHMS:
             self.keep("stag_hunt_arena", algo, 7, [2.0, 3.0] * 50, stale="" if algo in ("ippo", "mappo", "happo") else "gamma 0.9 -> 0.99")
         page = self.page()
