@@ -37,7 +37,7 @@ static_assert(sizeof(WorkerCounters) == kCacheLineBytes, "changing this bumps kA
 /// The desired state, limits that the supervisor or the learner sets, and what they tell each other in a word.
 struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<RunState> run_state;       ///< (supervisor)
-  std::atomic<uint32_t> policy_version;  ///< newest version that is published (learner)
+  std::atomic<uint32_t> policy_version;  ///< newest version that the learner offers
   std::atomic<uint64_t>
       rollouts_allowed;  ///< deterministic mode: rollouts with index < this may start (learner)
   std::atomic<uint64_t>

@@ -38,10 +38,10 @@ try:
     import intervals
     import plot
     import report
+    import results_page
     import run_files
     import searches
     import study_tables as of
-    import results_page
     import tables
 except ImportError as missing:
     print(f"[  SKIPPED ] 1 test, comrad report: {missing}; install the packages of deploy/packages_report.txt")
