@@ -155,7 +155,7 @@ std::string RateMeter::limit_reached() const {
   if (static_cast<double>(env_frames()) >= config.run.train_for_env_frames)
     return fmt::format(" (--train_for_env_frames {})", std::llround(config.run.train_for_env_frames));
   if (config.run.train_for_seconds > 0)
-    return fmt::format(" (--train_for_seconds {})", std::llround(config.run.train_for_seconds));
+    return fmt::format(" (--train_for_seconds {})", config.run.train_for_seconds);
   return "";
 }
 
