@@ -80,8 +80,9 @@ TEST(Train, ResumesWhereItStopped) {
   }
   // Seconds count from the run's beginning: none are left, and the last line names the limit.
   const Ending over = train(scratch, "run", 1e6, {"--train_for_seconds", "0.001"});
-  EXPECT_THAT(over.err, ::testing::ContainsRegex(
-                            "finished \\(--train_for_seconds 0.001\\): [0-9.]+k env frames, 0 trained on in "));
+  EXPECT_THAT(over.err,
+              ::testing::ContainsRegex(
+                  "finished \\(--train_for_seconds 0.001\\): [0-9.]+k env frames, 0 trained on in "));
   // A start prints what changed since the last one.
   const std::string changed = "note: changed since the last start: train_for_env_frames 4096.0 -> 8192.0\n";
   EXPECT_THAT(second.err, HasSubstr(changed));
